@@ -39,7 +39,10 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.maps.map import Map
     from mesa_swarm.model.info import ModelInfo, model_info
     from mesa_swarm.model.looks import Chart, ColourMap, Looks
+    from mesa_swarm.model.measures import ColumnMeasure, count, mean, share, until, until_zero, value
     from mesa_swarm.model.parameters import Choice, Slider
+    from mesa_swarm.model.previous import Previous
+    from mesa_swarm.model.process_rule import ProcessRule, process
     from mesa_swarm.model.processes import Process
     from mesa_swarm.model.reporters import event_count, event_total, held
     from mesa_swarm.model.scattering import Wander, scatter
@@ -92,6 +95,9 @@ _MODULES = {
     "kernels.part": "Column Context Part Phase Shown Stage",
     "base.streams": "Seed Streams",
     "model.parameters": "Choice Slider",
+    "model.measures": "ColumnMeasure count mean share until until_zero value",
+    "model.previous": "Previous",
+    "model.process_rule": "ProcessRule process",
     "model.processes": "Process",
     "model.reporters": "event_count event_total held",
     "recording.recording": "Recording",
@@ -131,6 +137,7 @@ __all__ = [
     "Choice",
     "ColourMap",
     "Column",
+    "ColumnMeasure",
     "Context",
     "DifferentialDrive",
     "DirectedSlip",
@@ -148,7 +155,9 @@ __all__ = [
     "OmniDrive",
     "Part",
     "Phase",
+    "Previous",
     "Process",
+    "ProcessRule",
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
@@ -171,19 +180,26 @@ __all__ = [
     "bump_sensor",
     "calibrate",
     "compare",
+    "count",
     "disc",
     "event_count",
     "event_total",
     "held",
     "laser_sensor",
+    "mean",
     "model_info",
     "omni_speeds",
     "polygon",
+    "process",
     "rectangle",
     "scatter",
     "sensitivity",
+    "share",
     "show",
     "sweep",
+    "until",
+    "until_zero",
+    "value",
     "warm_up",
 ]
 

@@ -25,7 +25,21 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mesa_swarm import AGENT9, Actuator, Choice, Map, Radio, RobotDesign, Seed, Sensor, Slider, SwarmModel, rectangle
+from mesa_swarm import (
+    AGENT9,
+    Actuator,
+    Choice,
+    Map,
+    Radio,
+    RobotDesign,
+    Seed,
+    Sensor,
+    Slider,
+    SwarmModel,
+    rectangle,
+    share,
+    until,
+)
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import check_choice, check_count, check_number
 
@@ -105,6 +119,8 @@ class BestOfN(SwarmModel):
     compares = "rule", RULES
     steps_to_compare = 20_000
     headline = "agreed at", "agreed"
+    for_left = share("act.opinion", below=0, empty=0.5)  # of robots
+    stops = until("for_left", equals=0), until("for_left", equals=1)
 
     def __init__(
         self,
@@ -130,18 +146,11 @@ class BestOfN(SwarmModel):
         is_majority = check_choice("rule", rule, RULES) == "majority"
         deciding = choose(majority=is_majority, exploring=exploring, advertising=advertising)
         self.control = Subsumption(deciding, Avoid(distance=12), Explore(turn_interval=50))
-        self.agreed_at: int | None = None
 
     @property
-    def for_left(self) -> float:
-        """Share of robots for the left site; 0.5 without robots."""
-        return float(np.mean(self.swarm.columns["act.opinion"] < 0)) if len(self.swarm) else 0.5
-
-    def step(self) -> None:
-        """Advance by one step, and stop running when all robots have one opinion."""
-        super().step()
-        if self.agreed_at is None and self.for_left in (0.0, 1.0):
-            self.agreed_at, self.running = self.steps, False
+    def agreed_at(self) -> int | None:
+        """Step in which all robots had one opinion for the first time, or None."""
+        return self.stopped_at
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: the step of agreement or None, and the share for the left."""

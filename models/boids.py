@@ -24,7 +24,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import Choice, HolonomicDrive, Seed, Slider, SwarmModel, all_round, held
+from mesa_swarm import Choice, HolonomicDrive, Previous, Seed, Slider, SwarmModel, all_round, held
 from mesa_swarm.analysis import directions, later_mean, neighbour_alignment, polarization
 from mesa_swarm.control import Align, Cohere, Cruise, Separate, VectorSum
 from mesa_swarm.errors import check_count, check_number
@@ -62,7 +62,7 @@ class Boids(SwarmModel):
         self.sight = check_number("sight", sight, above=0, maximum=1000)
         boid = all_round(SENSORS, range=sight, name="boid", drive=HolonomicDrive())
         self.add_robots(boid, check_count("n_robots", n_robots))
-        self._before = self.swarm.position.copy()
+        self.add_part(Previous("position"))
         self.control = VectorSum(
             Separate(distance=separation),
             Align(memory=memory),
@@ -71,17 +71,10 @@ class Boids(SwarmModel):
             weights=(separation_weight, alignment_weight, cohesion_weight, cruise_weight),
         )
 
-    def step(self) -> None:
-        """Advance by one step, and store the previous positions."""
-        self._before = self.swarm.position.copy()
-        super().step()
-
     @property
     def travel(self) -> np.ndarray:
         """Azimuth of each robot's motion in the last step, rad, nan without motion, shape (n,)."""
-        # After a change in the number of robots there are no previous positions.
-        before = self._before if len(self._before) == len(self.swarm) else self.swarm.position
-        return directions(before, self.swarm.position)
+        return directions(self.parts["previous"].columns()["position"].array, self.swarm.position)
 
     @property
     def alignment(self) -> float:

@@ -92,15 +92,9 @@ class CollisionAvoidance(SwarmModel):
         scatter(self, check_count("obstacles", obstacles))
         scatter(self, check_count("moving_obstacles", moving_obstacles), speed=obstacle_speed)
         self.add_robots(robot_design, check_count("n_robots", n_robots))
-        self.robot_steps = 0
         spot = (Avoid(distance=spot_distance, turn="stationary", name="AvoidOnTheSpot"),) if spot_distance else ()
         avoid = Avoid(distance=distance, turn=turn, front=front, sides=sides)
         self.control = Subsumption(*spot, avoid, Explore(turn_interval=turn_interval))
-
-    def step(self) -> None:
-        """Advance by one step, and count robot-steps, since the number of robots may change."""
-        super().step()
-        self.robot_steps += len(self.swarm)
 
     def results(self) -> dict[str, float]:
         """Return the measure used by a comparison: collisions per robot and 1,000 steps."""

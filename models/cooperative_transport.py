@@ -24,7 +24,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import Choice, Radio, Seed, Slider, SwarmModel, all_round, disc, rectangle
+from mesa_swarm import Choice, Radio, Seed, Slider, SwarmModel, all_round, disc, rectangle, until
 from mesa_swarm.control import Avoid, Explore, Push, Subsumption
 from mesa_swarm.errors import check_choice, check_count
 
@@ -52,6 +52,7 @@ class CooperativeTransport(SwarmModel):
     compares = "n_robots", (1, 5)
     steps_to_compare = 10_000
     headline = "arrived at", "brought the load to the goal"
+    stops = until("way_left", at_most=NEAR)
 
     def __init__(
         self,
@@ -74,7 +75,6 @@ class CooperativeTransport(SwarmModel):
         self.control = Subsumption(
             Avoid(distance=avoid_distance, loads="never"), Push(), Explore(turn_interval=turn_interval)
         )
-        self.arrived_at: int | None = None
 
     @property
     def way_left(self) -> float:
@@ -86,11 +86,10 @@ class CooperativeTransport(SwarmModel):
         """Number of robots that pushed the load in the last step."""
         return self.load.pushers
 
-    def step(self) -> None:
-        """Advance by one step, and stop running when the load has arrived."""
-        super().step()
-        if self.arrived_at is None and self.way_left <= NEAR:
-            self.arrived_at, self.running = self.steps, False
+    @property
+    def arrived_at(self) -> int | None:
+        """Step in which the load arrived, or None."""
+        return self.stopped_at
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: the step of arrival or None, and the remaining distance."""

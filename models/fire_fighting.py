@@ -25,9 +25,7 @@ REFERENCE. Thesis, chapter 9, appendix B. Communication as in Balch and Arkin, A
 
 from typing import Annotated
 
-import numpy as np
-
-from mesa_swarm import AGENT_FIRE, AGENT_HEAT, Choice, Radio, Seed, Slider, SwarmModel
+from mesa_swarm import AGENT_FIRE, AGENT_HEAT, Choice, Radio, Seed, Slider, SwarmModel, count, until_zero
 from mesa_swarm.control import Avoid, Explore, Follow, Respond, Subsumption
 from mesa_swarm.control.respond import TO
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
@@ -54,6 +52,9 @@ class FireFighting(SwarmModel):
     compares = "strategy", ("A", "B")
     steps_to_compare = 15_000
     headline = "all fires out at", "put out all fires"
+    fires_burning = count("fires.out", equals=False)
+    robots_at_fires = count("fire", at_least=0)
+    stops = until_zero("fires_burning")
 
     def __init__(
         self,
@@ -94,21 +95,6 @@ class FireFighting(SwarmModel):
         follows = (Follow(gap=None, cruise_speed=1.0),) * (check_choice("follow", follow, ("off", "on")) == "on")
         fights = *seeks, FightFire(strategy=strategy), *helps, *follows
         self.control = Subsumption(Avoid(fires=FLEES[check_choice("strategy", strategy, FLEES)]), *fights, Explore())
-
-    @property
-    def fires_burning(self) -> int:
-        """Number of burning fires."""
-        return len(self.fires) - int(np.count_nonzero(self.fires.out))
-
-    @property
-    def robots_at_fires(self) -> int:
-        """Number of robots that fight a fire."""
-        return int(np.count_nonzero(self.swarm.fire >= 0))
-
-    def step(self) -> None:
-        """Advance by one step, and stop running when all fires are out."""
-        super().step()
-        self.running = self.fires_burning > 0
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: fires out, and the step at which each and all were out, or None."""

@@ -22,7 +22,20 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mesa_swarm import Carried, Gripper, Map, ProximitySensor, RobotDesign, Seed, Sensor, Slider, SwarmModel, disc, held
+from mesa_swarm import (
+    Carried,
+    Gripper,
+    Map,
+    ProximitySensor,
+    RobotDesign,
+    Seed,
+    Sensor,
+    Slider,
+    SwarmModel,
+    disc,
+    held,
+    until,
+)
 from mesa_swarm.analysis import clusters
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count
@@ -96,6 +109,7 @@ class PuckClustering(SwarmModel):
     compares = "n_robots", (2, 6, 12)
     steps_to_compare = 20_000
     headline = "one cluster at", "gathered the pucks in one cluster"
+    stops = until("largest", at_least=DONE, every=EVERY)
 
     def __init__(
         self,
@@ -117,7 +131,6 @@ class PuckClustering(SwarmModel):
         self.add_robots(robot, check_count("n_robots", n_robots))
         limits = {"many": check_count("many", many), "enough": check_count("enough", enough)}
         self.control = Subsumption(gather(puck=self.kind_code("puck"), **limits))
-        self.done_at: int | None = None
 
     @property
     def lying(self) -> np.ndarray:
@@ -135,11 +148,10 @@ class PuckClustering(SwarmModel):
         """Share of all pucks that are in the largest cluster."""
         return int(clusters(self.lying, LINK, fewest=1).sizes.max(initial=0)) / len(self.movers)
 
-    def step(self) -> None:
-        """Advance by one step; stop running when the pucks are in one cluster."""
-        super().step()
-        if self.steps % EVERY == 0 and self.largest >= DONE:
-            self.done_at, self.running = self.done_at or self.steps, False
+    @property
+    def done_at(self) -> int | None:
+        """Step in which the pucks were found in one cluster, or None."""
+        return self.stopped_at
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: when there was one cluster, or None, and how many there are."""

@@ -8,10 +8,10 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import mesa
 import pytest
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
-from mesa_swarm import AGENT9, Lamp, Radio, SwarmModel, disc
+from mesa_swarm import AGENT9, Field, Lamp, Radio, SwarmModel, disc
 from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.model.parts import METHODS
 
@@ -196,9 +196,12 @@ def test_the_root_holds_the_public_names_the_model_and_folders_only():
 def test_the_page_draws_the_plan_of_a_model_with_everything():
     model = SwarmModel(map="openspace_fire", rng=1, communication=Radio(range=100))
     model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 2)
+    model.add_field(Field("trail"))
+    sheep = ContinuousSpaceAgent(model.space, model)
+    sheep.position = (100.0, 100.0)
+    model.add_body(disc((100, 100), 5), kind="sheep", agent=sheep)
     model.control = Subsumption(Explore())
     model.watch()
-    model.add_body(disc((400, 300), 5), agent=mesa.Agent(model))
     drawn = [line for line in STAGE.findall(PAGE) if line[0] != "phase"]
     assert drawn == [(stage.phase.name.lower(), part, stage.name) for part, stage in model.plan.stages]
     assert all(f"`{part}`" in PAGE for part in model.parts)

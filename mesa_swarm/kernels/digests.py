@@ -7,6 +7,7 @@ uses anything else than numbers, texts, arrays, NumPy, Numba's own and these fun
 """
 
 import builtins
+import dis
 import math
 import sys
 from collections.abc import Callable, Iterator
@@ -33,7 +34,9 @@ LARGEST_ARRAY = 10_000
 # What is the same as long as the versions are.
 CONSTANT = ("builtins", "math", "numpy", "numba")
 CONSTANT_MODULES = (math, np)
-VERSIONS = (sys.version, numba.__version__, np.__version__)
+LOOKING_UP = ("LOAD_GLOBAL", "LOAD_NAME", "IMPORT_NAME")
+# What Python's and Numba's versions decide is in the name of the machine, too. Numba asks for no more of NumPy's.
+VERSIONS = (sys.version_info[:2], numba.__version__, np.__version__.split(".")[:2])
 Intrinsic = type(intrinsic(lambda typing_context: None))
 
 
@@ -127,9 +130,10 @@ def _used_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
 
 
 def _names_in(code: CodeType) -> list[str]:
-    """Return the names that a code may look up in its module, attributes among them."""
+    """Return the names that a code looks up in its module."""
     inner = [name for constant in code.co_consts if isinstance(constant, CodeType) for name in _names_in(constant)]
-    return [*code.co_names, *inner]
+    looked_up = {step.argval: None for step in dis.get_instructions(code) if step.opname in LOOKING_UP}
+    return [*looked_up, *inner]
 
 
 def _value(value: Any, called: dict[FunctionType, None]) -> Any:

@@ -36,7 +36,7 @@ def stream_of(generator: np.random.Generator) -> Stream:
     Examples
     --------
     >>> generator = np.random.default_rng(1)
-    >>> draw(stream_of(generator)) == np.random.default_rng(1).random()
+    >>> draw_number(stream_of(generator)) == np.random.default_rng(1).random()
     True
     """
     interface = generator.bit_generator.ctypes
@@ -101,7 +101,7 @@ def _call_for_word(typing_context: Any, function: Any, state: Any) -> Any:
 
 
 @compiled
-def draw(stream: Stream) -> float:
+def draw_number(stream: Stream) -> float:
     """Return a number uniform in [0, 1), as ``generator.random()`` does; for compiled functions."""
     return _call(stream.draw, stream.state)  # type: ignore[call-arg]
 

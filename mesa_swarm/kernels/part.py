@@ -86,17 +86,22 @@ class Kernel(NamedTuple):
     attend : callable, optional
         Does in Python what the function could not, such as to make an array longer, after it has returned this code.
         Then it is called again, and goes on.
+    finish : callable, optional
+        Takes what the function has written into buffers, after the last of several steps.
     """
 
     function: Callable[[np.ndarray, int, int, int], int]
     block: np.ndarray
     kept: Any = None
     attend: Callable[[int], None] | None = None
+    finish: Callable[[], None] | None = None
 
     def run(self, step: int, n: int) -> None:
         """Call the function for n robots until it is done; `step` counts from 1."""
         while code := self.function(self.block, step, 0, n):
             self.attend(code)  # type: ignore[misc]
+        if self.finish is not None:
+            self.finish()
 
 
 def kernel_of(instance: Any, method: str, *arguments: Any) -> Kernel | None:

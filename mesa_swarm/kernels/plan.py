@@ -1,9 +1,19 @@
-"""The plan of a step: all stages in their order."""
+"""The plan of a step: all stages in their order; and the driver, one compiled call that takes many steps."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
-from mesa_swarm.kernels.part import Part, Phase, Stage
+import numpy as np
+
+from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel, Part, Phase, Stage
+from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers
+
+# Places in the progress of a driver: steps taken, and the kernel that is next; the one place of a flag.
+TAKEN, NEXT, ONLY = 0, 1, 0
+# The column of a row of calls with every how many steps it is due, after the numbers of a `KernelCall`.
+EVERY = 3
 
 
 class Plan(NamedTuple):
@@ -18,21 +28,19 @@ class Plan(NamedTuple):
     calls, collecting : tuples of callables
         What a step calls before it is counted as completed, and afterwards.
     besides : tuple of str
-        What in Python each step calls besides its stages: the `step` of a class, observers, a data collector.
+        What in Python each step calls besides its stages, such as the `step` of a class, observers or reporters.
+    driven : str
+        How many steps one compiled call takes.
 
     Examples
     --------
     >>> from mesa_swarm.model.engine_model import EngineModel
     >>> print(EngineModel(rng=1).plan)
-    phase    part       what                                    how
-    sense    robots     robots read their sensors               compiled: sense_proximity; Python: no proximity sensors
-    move     bodies     driven bodies begin their ways          compiled: run_in_turn
-    move     robots     robots move, and contacts are resolved  compiled: travel_pieces; Python: no robots
-    resolve  bodies     bodies rest, and are carried along      compiled: run_in_turn
-    process  fields     fields diffuse and evaporate            compiled: advance_fields
-    process  processes  processes take place                    compiled: run_in_turn
-    collect  robots     collisions are counted                  compiled: count_collided
-    besides: datacollector after each step
+    phase    part    what                                    how
+    sense    robots  robots read their sensors               compiled: sense_robots
+    move     robots  robots move, and contacts are resolved  compiled: travel_pieces; Python: no robots
+    collect  robots  collisions are counted                  compiled: count_collided
+    one step at a time: what is Python is due in each
     """
 
     stages: tuple[tuple[str, Stage], ...]
@@ -40,6 +48,7 @@ class Plan(NamedTuple):
     calls: tuple[Callable[[], None], ...]
     collecting: tuple[Callable[[], None], ...]
     besides: tuple[str, ...] = ()
+    driven: str = ""
 
     @classmethod
     def of(cls, parts: Iterable[Part], version: Any, completed: Callable[[], int]) -> "Plan":
@@ -56,7 +65,7 @@ class Plan(NamedTuple):
         widths = [max(len(row[column]) for row in rows) for column in range(3)]
         lines = ["  ".join((*map(str.ljust, row, widths), row[3])) for row in rows]
         lines += [f"besides: {reason}" for reason in self.besides]
-        return "\n".join(line.rstrip() for line in lines)
+        return "\n".join(line.rstrip() for line in (*lines, self.driven)).rstrip()
 
 
 def _row(part: str, stage: Stage) -> tuple[str, str, str, str]:
@@ -79,3 +88,102 @@ def call_when_due(stage: Stage, completed: Callable[[], int]) -> Callable[[], No
             stage.call()
 
     return call
+
+
+# ---- the driver
+
+
+class DriveArrays(NamedTuple):
+    """What `drive_steps` takes: a row a kernel, its progress, and a flag that a kernel sets to end after this step."""
+
+    calls: IntegerRows
+    progress: Integers
+    stop: Flags
+
+
+class Driver:
+    """Kernels that one compiled call takes through many steps.
+
+    Parameters
+    ----------
+    kernels : sequence of (Kernel, int)
+        In the order of a step, each with every how many steps it is due.
+    stop : bool ndarray, shape (1,)
+        A kernel sets it where the steps are to end.
+
+    Attributes
+    ----------
+    progress : int64 ndarray, shape (2,)
+        How many steps of this call are taken, and which kernel is next in the step that is not.
+    numbers : int64 ndarray
+        The numbers of its block, for `drive_worlds`.
+    """
+
+    def __init__(self, kernels: Sequence[tuple[Kernel, int]], stop: np.ndarray) -> None:
+        self._kernels = [kernel for kernel, _ in kernels]
+        self._stop, self.progress = stop, np.zeros(2, np.int64)
+        rows = [
+            (*Block(KernelCall(code_address(kernel.function), kernel.block)).numbers, every)
+            for kernel, every in kernels
+        ]
+        calls = np.array(rows, np.int64).reshape(len(rows), EVERY + 1)
+        self._block = Block(DriveArrays(calls, self.progress, stop))
+        self.numbers = self._block.numbers
+
+    def is_of(self, kernels: Sequence[tuple[Kernel, int]]) -> bool:
+        """Return whether it has these kernels."""
+        return len(kernels) == len(self._kernels) and all(
+            kernel is mine for (kernel, _), mine in zip(kernels, self._kernels, strict=True)
+        )
+
+    def begin(self) -> None:
+        """Forget what was taken before."""
+        self.progress[:], self._stop[ONLY] = 0, False
+
+    def attend(self, code: int) -> None:
+        """Do in Python what the kernel that is next could not."""
+        self._kernels[self.progress[NEXT]].attend(code)  # type: ignore[misc]
+
+    def finish(self) -> None:
+        """Take what kernels have written into buffers."""
+        for kernel in self._kernels:
+            if kernel.finish is not None:
+                kernel.finish()
+
+    def take(self, steps: int, completed: int, begun: int, rows: int, note: Callable[[int, int], None]) -> None:
+        """Take at most this many steps of this many robots after `completed` ones; `begun` were counted.
+
+        ``note(taken, more)`` is called with how many steps are taken, and 1 in a step that has begun besides, before
+        Python is needed, and at the end. An error is raised in the step in which it occurs.
+        """
+        self.begin()
+        try:
+            while code := drive_steps(self.numbers, steps, completed, begun, rows):
+                note(int(self.progress[TAKEN]), 1)
+                self.attend(code)
+            note(int(self.progress[TAKEN]), 0)
+        finally:
+            self.finish()
+
+
+@compiled(nogil=True)
+def drive_steps(block, steps, completed, begun, rows):
+    """Take steps from where the progress is, until they are done, the flag is set, or a kernel returns a code."""
+    d = unpack(block, DriveArrays)
+    calls, progress, stop = d.calls, d.progress, d.stop
+    place = progress[NEXT]
+    for taken in range(progress[TAKEN], steps):
+        if stop[ONLY]:
+            break
+        while place < calls.shape[0]:
+            row = calls[place]
+            if row[EVERY] == 1 or (completed + taken + 1) % row[EVERY] == 0:
+                call = unpack(row, KernelCall)
+                code = call_at(call.address, call.block, begun + taken + 1, 0, rows)
+                if code != 0:
+                    progress[TAKEN], progress[NEXT] = taken, place
+                    return code
+            place += 1
+        place = 0
+        progress[TAKEN], progress[NEXT] = taken + 1, 0
+    return 0

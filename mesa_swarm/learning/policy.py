@@ -424,7 +424,7 @@ class PolicyLayer:
         # Compiled code reads one row a robot, and is compiled anew for other kinds of arrays.
         if type(returned) is not np.ndarray or returned.shape != (len(layer), 2) or returned.dtype != DOUBLE:
             shares = _shares_of(returned)
-        if shares.shape != (len(layer), 2) or not drive(shares, senses.max_speed, command, layer, index):
+        if shares.shape != (len(layer), 2) or not scale_commands(shares, senses.max_speed, command, layer, index):
             raise BehaviourError(
                 f"{self.name}: its policy returned {describe_value(returned)}; "
                 f"expected finite numbers of shape {(len(layer), 2)}"
@@ -464,7 +464,7 @@ def all_finite(table):
 
 
 @compiled
-def drive(shares, max_speed, command, layer, index):
+def scale_commands(shares, max_speed, command, layer, index):
     """Write the commands of undriven robots, if all `shares` (n, 2) of max_speed are finite."""
     for i in range(layer.shape[0]):
         if not (math.isfinite(shares[i, 0]) and math.isfinite(shares[i, 1])):

@@ -13,7 +13,6 @@ from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_ch
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Stage
-from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.state_hash import describe_bodies
 from mesa_swarm.physics.driven_bodies import BeginArrays, EndArrays, Moving, begin_ways, end_ways
 from mesa_swarm.physics.engine import begin_way
@@ -94,13 +93,13 @@ class BodiesPart(Part):
         return {name: Column(getattr(self.table, name), None, "index") for name in CHANGING}
 
     def stages(self) -> Iterator[Stage]:
-        """Follow agents before robots sense; rest before robots move, and when all have moved."""
+        """Follow agents before robots sense; rest before robots move, and afterwards: where bodies may move."""
         self.scene()
         if self.cache.followers:
             yield Stage(Phase.SENSE, self.follow, "bodies follow their agents", python="agents")
-        beginning, ending = (self.beginning(), self.ending()) if self.moves else (sequence_of([]),) * 2
-        yield Stage(Phase.MOVE, self.begin_move, "driven bodies begin their ways", beginning)
-        yield Stage(Phase.RESOLVE, self.end_move, "bodies rest, and are carried along", ending)
+        if self.moves:
+            yield Stage(Phase.MOVE, self.begin_move, "driven bodies begin their ways", self.beginning())
+            yield Stage(Phase.RESOLVE, self.end_move, "bodies rest, and are carried along", self.ending())
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -2,9 +2,10 @@
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Self
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import mesa
 import numpy as np
@@ -21,9 +22,11 @@ from mesa_swarm.maps.map import Map
 from mesa_swarm.model.bodies_part import BodiesPart
 from mesa_swarm.model.common import with_common
 from mesa_swarm.model.control_part import ControlPart
+from mesa_swarm.model.driving import Driving, describe_driving, drive_model, list_due_of_model, list_due_rows
 from mesa_swarm.model.events import EventLog, EventsPart
 from mesa_swarm.model.fields_part import FieldsPart
 from mesa_swarm.model.imperfections_part import ImperfectionsPart, imperfections_of
+from mesa_swarm.model.measures import Until, check_stops
 from mesa_swarm.model.mesa_model import GIVEN, LATE, Collector, MesaModel, add_reporters, rows_in, seed_sequence
 from mesa_swarm.model.observers import Observers
 from mesa_swarm.model.parameters import Dial, Noise, Slip
@@ -51,6 +54,9 @@ from mesa_swarm.world.statics import FIRE
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 REPORTERS = {name: name for name in ("collisions", "total_collisions")}
+
+
+METHODS = (FunctionType, property, classmethod, staticmethod)
 
 
 class ShortWay:
@@ -87,11 +93,18 @@ class EngineModel(MesaModel):
     space : Arena
     swarm : Swarm
     streams : Streams
+    stops : Until or sequence of Until
+        Of a class: conditions, of which any ends the run; see `until`. A model stops running after the step in which
+        one holds, and goes on when it no longer does.
+    stopped_at : int
+        The step in which the run ended for the first time, None before, of a class with `stops`.
     """
 
     map: Map
     space: Arena
     swarm: Swarm
+    stops: ClassVar[Until | Sequence[Until]] = ()
+    conditions: ClassVar[tuple[Until, ...]] = ()
     _parts: Parts
     if TYPE_CHECKING:
         fires: Any  # of the part that `SwarmModel` adds
@@ -100,6 +113,8 @@ class EngineModel(MesaModel):
     def __init_subclass__(cls, shows_all: bool = False, **keywords: Any) -> None:
         """Let the constructor of the class take the parameters that every model takes."""
         super().__init_subclass__(**keywords)
+        if "stops" in vars(cls) and not isinstance(vars(cls)["stops"], METHODS):  # else it is something of a user's
+            cls.conditions = check_stops(cls.stops)
         # A class of several bases may inherit its constructor from one and a default of these parameters from another.
         if "__init__" in cls.__dict__ or len(cls.__bases__) > 1:
             cls.__init__ = with_common(cls, shows_all)  # type: ignore[method-assign]
@@ -123,6 +138,7 @@ class EngineModel(MesaModel):
     ) -> None:
         of_user = {*self.__dict__} - {"given", "_common"}
         effect = imperfections_of(noise, slip, imperfections)
+        self.driving = Driving()
         turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
         computing: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         computing.threads = check_threads(threads)
@@ -145,6 +161,8 @@ class EngineModel(MesaModel):
         self.datacollector = Collector({**REPORTERS, **(model_reporters or {})}, agent_reporters)
         get_next_id(self)  # from here on the model has its counter
         self._own = frozenset({*self.__dict__, *LATE, "_own", "_common", "scenario", GIVEN} - of_user)
+        if type(self).conditions:
+            self.stopped_at: int | None = None
 
     def _stand(self, engine: Engine, turn_angle: float, radio: Radio | None) -> None:
         """Make the parts that every model has, and the obstacles of the map."""
@@ -204,19 +222,12 @@ class EngineModel(MesaModel):
         --------
         >>> from mesa_swarm import SwarmModel
         >>> [stage.name for _, stage in SwarmModel(rng=1).plan.stages][:2]
-        ['robots read their sensors', 'driven bodies begin their ways']
+        ['robots read their sensors', 'robots move, and contacts are resolved']
         """
         self.parts.replan()  # which layers are compiled is known after the first step
-        return self.parts.plan._replace(besides=tuple(self._besides()))
-
-    def _besides(self) -> Iterator[str]:
-        """Iterate over what in Python a step calls besides the stages of its plan."""
-        classes = [kind for kind in type(self).__mro__ if "step" in vars(kind) and issubclass(kind, EngineModel)]
-        yield from (f"{kind.__name__}.step" for kind in classes if kind is not EngineModel)
-        yield from (f"observer {type(observer).__name__}" for observer in self.observers)
-        if self.collect_every:
-            often = "each step" if self.collect_every == 1 else f"every {self.collect_every} steps"
-            yield f"datacollector after {often}"
+        besides = [str(due) for due in (*list_due_of_model(self), *list_due_rows(self))]
+        plan = self.parts.plan
+        return plan._replace(besides=tuple(besides), driven=describe_driving(self, plan))
 
     def add_part(self, part: AnyPart) -> AnyPart:
         """Add a part, whose stages belong to each step from now on, and return it; see `Part`.
@@ -551,6 +562,11 @@ class EngineModel(MesaModel):
     def total_collisions(self, collisions: int) -> None:
         self.parts.robots.total_collisions = collisions
 
+    @ShortWay
+    def robot_steps(self) -> int:
+        """Return the sum of the number of robots over all steps, by which collisions are divided."""
+        return self.parts.robots.robot_steps
+
     def step(self) -> None:
         """Advance the world by one step.
 
@@ -582,6 +598,23 @@ class EngineModel(MesaModel):
         for call in plan.collecting:
             call()
         self._collect()
+        if self.conditions:
+            self._check_stops()
+
+    def _check_stops(self) -> None:
+        """Stop running where a condition of the class holds; go on where it no longer does."""
+        due = [condition for condition in self.conditions if self._completed % condition.every == 0]
+        if any(condition(self) for condition in due):
+            self._end_run()
+        elif len(due) < len(self.conditions):
+            return
+        elif not self.running and self.stopped_at is not None:
+            self.running = True
+
+    def _end_run(self) -> None:
+        self.running = False
+        if self.stopped_at is None:
+            self.stopped_at = self.steps
 
     sense = delegate("robots", RobotsPart.sense)
 
@@ -594,7 +627,8 @@ class EngineModel(MesaModel):
         progress : bool
             Whether to show a bar with the time left and the time of day at which the run ends.
         until : callable, optional
-            Called with the model after each step; the run ends when it returns True.
+            Called with the model after each step; the run ends when it returns True. A declared condition, such as
+            ``until_zero("fires_burning")``, takes no step more slowly.
 
         Examples
         --------
@@ -604,15 +638,26 @@ class EngineModel(MesaModel):
         >>> SwarmModel(rng=1).run(30, until=lambda model: model.steps > 4).steps
         5
         """
+        stops = (until,) if isinstance(until, Until) else ()
         with progress_bar(check_count("steps", steps), "steps", progress) as bar, self._observed_run():
-            for _ in range(bar.total):
-                if not self.running:
-                    break
-                self.step()
-                bar.update()
-                if until is not None and until(self):
+            left = bar.total
+            while left and self.running:
+                taken = drive_model(self, left, stops) if until is None or stops else 0
+                if not taken:
+                    self.step()
+                left -= taken or 1
+                bar.update(taken or 1)
+                if self._is_ended(until):
                     break
         return self
+
+    def _is_ended(self, until: Callable[[Self], object] | None) -> bool:
+        """Return whether a run ends after this step; note if a condition of the class has ended it."""
+        if self.driving.flag[0]:
+            self.driving.flag[0] = False
+            if any(condition(self) for condition in self.conditions):
+                self._end_run()
+        return until is not None and bool(until(self))
 
     def _collect(self) -> None:
         if self._collect_every.is_due(self._completed):

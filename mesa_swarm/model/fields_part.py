@@ -41,8 +41,9 @@ class FieldsPart(Part):
         return {name: Column(field.checkpoint()["values"]) for name, field in self.live.items()}
 
     def stages(self) -> Iterator[Stage]:
-        """Advance all fields."""
-        yield Stage(Phase.PROCESS, self.advance, "fields diffuse and evaporate", self.kernel())
+        """Advance all fields, if there are any."""
+        if self.live:
+            yield Stage(Phase.PROCESS, self.advance, "fields diffuse and evaporate", self.kernel())
 
     def parameters(self) -> list[Field]:
         """Return the declarations of all fields."""

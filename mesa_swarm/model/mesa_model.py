@@ -38,6 +38,7 @@ class MesaModel(mesa.Model):
     """
 
     observers: Observers
+    running: bool
     _in_step: bool = False
     _passing: bool = False
 
@@ -198,6 +199,16 @@ def set_steps(model: MesaModel, steps: int) -> None:
         model._default_schedule.resume()
 
 
+def is_stepped_by_itself(model: MesaModel) -> bool:
+    """Return whether `step` is what Mesa made of the step of the model, and nobody has replaced it."""
+    step, whole = model.__dict__.get("step"), model.__dict__.get("_user_step")
+    functions = [getattr(method, "__func__", None) for method in (step, whole) if method is not None]
+    return bool(functions) and all(
+        function is MesaModel._whole_step or getattr(function, "__module__", "").startswith("mesa.")
+        for function in functions
+    )
+
+
 def has_own_events(model: MesaModel) -> bool:
     """Return whether anything besides the step is scheduled."""
     if not hasattr(model, "_default_schedule"):
@@ -242,6 +253,10 @@ class Collector(mesa.DataCollector):
                 values.pop()
         super().collect(model)
         self._collected = now
+
+    def note_collected(self, steps: int, completed: int) -> None:
+        """Note that the row after a step was added in another way."""
+        self._collected = (steps, completed)
 
     def _warn(self, model: Any) -> None:
         if self._warned:

@@ -28,6 +28,16 @@ class Held:
             self._step, self._value = step, getattr(model, self.name)
         return self._value
 
+    @property
+    def measured(self) -> int:
+        """The step after which the value was due when it was measured, -1 before the first."""
+        return self._step
+
+    @property
+    def value(self) -> object:
+        """The value that was measured last."""
+        return self._value
+
     def checkpoint(self) -> dict:
         """Return what was measured last, and when."""
         return {"due": self._step, "value": self._value}

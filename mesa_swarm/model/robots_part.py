@@ -31,7 +31,7 @@ OF_PARAMETERS = frozenset({"radius", "max_speed"})
 INDICES = frozenset({"number", "design", "contact_index", "group"})
 # What is stored besides columns, with its types.
 STORED: dict[str, tuple[type, ...]] = {
-    **dict.fromkeys(("collisions", "total_collisions"), (int,)),
+    **dict.fromkeys(("collisions", "total_collisions", "robot_steps"), (int,)),
     "turn_angle": (float, int, np.float64),
     "noise": (tuple,),
 }
@@ -68,8 +68,8 @@ class RobotsPart(Part):
         What computes sensing and contact.
     turn_angle : float, rad
         A robot that meets a flat side at more than this from its normal is turned parallel to it.
-    counts : int64 ndarray, shape (2,)
-        `collisions` and `total_collisions`.
+    counts : int64 ndarray, shape (3,)
+        `collisions`, `total_collisions` and `robot_steps`.
     """
 
     name = "robots"
@@ -77,7 +77,7 @@ class RobotsPart(Part):
 
     def __init__(self, model: Any, engine: Engine, turn_angle: float) -> None:
         self.model, self.swarm, self.engine, self.turn_angle = model, model.swarm, engine, turn_angle
-        self.counts = np.zeros(2, np.int64)
+        self.counts = np.zeros(3, np.int64)
         self._noise: SensorNoise | None = None
         self.devices, self.cache = OwnDevices(), Prepared()
 
@@ -98,6 +98,15 @@ class RobotsPart(Part):
     @total_collisions.setter
     def total_collisions(self, collisions: int) -> None:
         self.counts[1] = collisions
+
+    @property
+    def robot_steps(self) -> int:
+        """The sum of the number of robots over all steps."""
+        return int(self.counts[2])
+
+    @robot_steps.setter
+    def robot_steps(self, steps: int) -> None:
+        self.counts[2] = steps
 
     def columns(self) -> Mapping[str, Column]:
         """Return the columns of the swarm that no other part has."""

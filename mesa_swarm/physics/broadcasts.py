@@ -138,11 +138,6 @@ class Channel:
         heard = (swarm.columns[f"{HEARD}{name}"] for name in OF_HEARD)
         return dict(zip(("number_heard", "distance", "bearing"), heard, strict=True))
 
-    def begin_decision(self, swarm: Swarm) -> None:
-        """Clear what robots sent before: they send what they set in each decision."""
-        for name, _ in self.radio.message:
-            swarm.columns[f"{SEND}{name}"].fill(math.nan)
-
 
 def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""

@@ -156,13 +156,6 @@ def _clearing(column: np.ndarray) -> Kernel:
     return Kernel(clear_column, block.numbers, block)
 
 
-def clear_actions(swarm: Swarm) -> None:
-    """Set all actuators to 0 that do not hold what they were set to."""
-    for name, (_, holds) in swarm.table.actions.items():
-        if not holds:
-            swarm.columns[f"{ACT}{name}"].fill(0.0)
-
-
 class Reader:
     """A sensor, the rows of the robots that have it, and its place in its column."""
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import Stream, draw, stream_of
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
 from mesa_swarm.kernels.type_names import Integers, RealRows
 
 # Places in `NoiseArrays.state`; no step.
@@ -88,6 +88,6 @@ def draw_noise(noise, step):
         return state[FITS] == 1
     for i in range(draws.shape[0]):
         for s in range(draws.shape[1]):
-            draws[i, s] = draw(noise.stream)
+            draws[i, s] = draw_number(noise.stream)
     state[STEP], state[COUNT], state[FITS] = step, draws.size, 1
     return True

@@ -42,8 +42,8 @@ from mesa_swarm.robots.drive import accelerate, drive_to_motion, lose_motion, mo
 # Codes that kernels return: Python lists pairs in a longer array; it moves robots that overlap to free room; it
 # returns to before the draws of this step; it finds which driven bodies loads stop; it returns loads.
 DONE, LIST, SETTLE, REWIND, BLOCK, RETURN = range(6)
-# Places in arrays: of one number, of the progress of a step, of counts of collisions.
-ONLY, NEXT, PIECE, PIECES, IN_STEP, IN_ALL = 0, 0, 1, 2, 0, 1
+# Places in arrays: of one number, of the progress of a step, of counts of collisions and of steps of robots.
+ONLY, PIECE, PIECES, IN_STEP, IN_ALL, ROBOT_STEPS = 0, 0, 1, 0, 1, 2
 # What is next of a step.
 BEGIN, SET_OUT, TRAVEL = range(3)
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
@@ -115,7 +115,7 @@ class SenseArrays(NamedTuple):
 
 
 class CountArrays(NamedTuple):
-    """What `count_collided` takes: the column collided, and the numbers of this step and of all."""
+    """What `count_collided` takes: the column collided, the numbers of this step and of all, and of steps of robots."""
 
     collided: Flags
     counts: Integers
@@ -415,4 +415,5 @@ def count_collided(block, step, first, last):
         count += collided[i]
     counts[IN_STEP] = count
     counts[IN_ALL] += count
+    counts[ROBOT_STEPS] += last
     return DONE

@@ -74,7 +74,7 @@ def test_constants_and_the_range_that_are_set_between_steps_count_from_the_next_
         assert model.plan.stages
         model.fire_constants = replace(model.fire_constants, k1=2 * model.fire_constants.k1)
         model.extinguish_range = 500.0
-    burning = next(stage for _, stage in models[1].parts.plan.stages if stage.name == "processes take place")
+    burning = next(stage for _, stage in models[1].parts.plan.stages if stage.name == "Burning takes place")
     models[0].processes[0].step(models[0])
     burning.kernel.run(models[1].steps, len(models[1].swarm))
     assert models[0].fires.temperature.tolist() == models[1].fires.temperature.tolist()

@@ -51,7 +51,7 @@ def test_stages_of_added_parts_come_in_their_phase_after_those_that_were_there()
     rung = bells[0].rung = bells[1].rung
     model.run(2)
     assert rung == [("early", 0), ("late", 0), ("early", 1), ("late", 1)]
-    assert [part for part, _ in model.plan.stages][:2] == ["robots", "early"]
+    assert [part for part, _ in model.plan.stages][:3] == ["robots", "early", "control"]
 
 
 @pytest.mark.parametrize(("phase", "steps"), [(Phase.SENSE, [2, 5, 8]), (Phase.COLLECT, [3, 6, 9])])
@@ -145,7 +145,8 @@ def test_the_plan_names_what_makes_python_due():
         model.run(1)
     lines = str(model.plan).splitlines()
     assert any("layers decide" in line and "Python: listed" in line for line in lines)
-    assert lines[-2:] == ["besides: Own.step", "besides: datacollector after every 5 steps"]
+    assert lines[-2].startswith("besides: Own.step, a method in Python; declare stops")
+    assert lines[-1] == "one step at a time: what is Python is due in each"
 
 
 def test_an_attribute_of_a_model_that_is_called_plan_hides_the_plan():

@@ -44,11 +44,12 @@ from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 
 ACT = "actuators do what they are set to"
 SENSE, MOVE, COUNT = "robots read their sensors", "robots move, and contacts are resolved", "collisions are counted"
-HEAR, DECIDE, FIELDS, PROCESSES = (
+HEAR, DECIDE, FIELDS, PROCESSES, HISTORY = (
     "robots hear each other",
     "layers decide",
     "fields diffuse and evaporate",
-    "processes take place",
+    "Burning takes place",
+    "temperatures of fires are stored",
 )
 SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
 # How often each kernel returned each code.
@@ -66,11 +67,14 @@ def step_by_kernels(model):
         if stage.kernel is None:
             call_when_due(stage, lambda: model.completed)()
             continue
-        function, block, _, attend = stage.kernel
-        KERNELS.append(stage.kernel)
-        while code := function(block, model.steps, 0, len(model.swarm)):
-            CODES[function.__name__, code] += 1
-            attend(code)
+        kernel = stage.kernel
+        KERNELS.append(kernel)
+        if model.completed % stage.every == 0 or stage.phase is not Phase.COLLECT:
+            while code := kernel.function(kernel.block, model.steps, 0, len(model.swarm)):
+                CODES[kernel.function.__name__, code] += 1
+                kernel.attend(code)
+            if kernel.finish is not None:
+                kernel.finish()
     model._collect()
 
 
@@ -83,7 +87,8 @@ def run(monkeypatch):
         usual.run(steps)
         with monkeypatch.context() as patched:
             patched.setattr(EngineModel, "step", step_by_kernels)
-            by_kernels.run(steps)
+            for _ in range(steps):
+                by_kernels.step()
         assert by_kernels.completed == usual.completed
         assert by_kernels.state_hash() == usual.state_hash()
         rows = [model.datacollector.get_model_vars_dataframe() for model in models]
@@ -242,9 +247,9 @@ def smelling(**named):
 
 # Of each world its model, and the stages that have kernels.
 WORLDS = {
-    "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
-    "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
-    "radio": (in_touch, {SENSE, HEAR, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
+    "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT}),
+    "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, PROCESSES, HISTORY}),
+    "radio": (in_touch, {SENSE, HEAR, DECIDE, MOVE, COUNT, PROCESSES, HISTORY}),
     "errors of sensors": (uncertain, {SENSE, DECIDE, COUNT}),
     "imperfections": (lambda: uncertain(imperfections=0.8, noise=0.1, slip=0.2), {SENSE, MOVE, COUNT}),
     "failures": (failing, {SENSE, MOVE, COUNT}),
@@ -256,7 +261,7 @@ WORLDS = {
     "imperfect devices": (lambda: smelling(imperfections=0.05).run(1), {SENSE, ACT, MOVE, COUNT, FIELDS}),
     "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
     "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
-    "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
+    "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT}),
 }
 
 
@@ -408,10 +413,11 @@ def test_each_kernel_is_compiled_for_one_signature(run):
     models = [find_model("fire_fighting")(rng=1) for _ in range(2)]
     KERNELS.clear()
     run(models, 1)
-    decided = [layer.function for kernel in KERNELS if kernel.function is decide_layers for layer in kernel.kept[1]]
+    arbiters = [kernel.kept[0].kernels[0] for kernel in KERNELS if kernel.function is decide_layers]
+    decided = [kernel.function for arbiter in arbiters for kernel in (arbiter, *arbiter.kept[0].kernels)]
     functions = {*decided, *(kernel.function for kernel in KERNELS)}
     names = {function.__name__ for function in functions}
-    assert {"avoid_all", "fight_all", "go_straight_all", "sense_robots", "move_robots", "advance_fields"} <= names
+    assert {"avoid", "fight", "go_straight", "sense_robots", "move_robots", "burn_all"} <= names
     for function in functions:
         assert function.signatures == [SIGNATURE]
         assert types.unliteral(function.overloads[SIGNATURE].signature.return_type) == types.int64
@@ -486,26 +492,15 @@ def shared(model):
     model.threads = 2
 
 
-def turning(model):
-    model.control = Subsumption(Avoid(), Explore(turn_interval=5))
-
-
 def acting(model):
-    model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 1)
-    model.control = Subsumption(Avoid(front="random"), Explore())
-
-
-def summing(model):
-    model.control = VectorSum(Avoid(), Explore())
+    model.control = VectorSum(OwnAvoid(name="OwnAvoid"), Explore())
 
 
 # What changes a model, and why which stage has no kernel then.
 REASONS = {
     "drives": ({}, geared, {MOVE: "Geared"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
-    "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
-    "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
-    "weights": ({}, summing, {DECIDE: "VectorSum"}),
+    "layers of a user's": ({}, acting, {DECIDE: "OwnAvoid"}),
     "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
 }
 

@@ -1,0 +1,223 @@
+"""How a model hands stretches of steps to the compiled driver, until something in Python is due."""
+
+from collections.abc import Iterator, Sequence
+from copy import deepcopy
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.kernels.part import Kernel, Prepared
+from mesa_swarm.kernels.plan import TAKEN, Driver, Plan
+from mesa_swarm.model.measures import MeasuredRows, Until, array_of, measure_of
+from mesa_swarm.model.mesa_model import Collector, has_own_events, is_stepped_by_itself, set_steps
+from mesa_swarm.model.reporters import Held
+
+# The most steps of one compiled call, and the most steps of robots in it: Ctrl-C and progress bars wait for its end.
+MOST_STEPS, MOST_ROBOT_STEPS = 1000, 100_000
+# So few steps are taken one by one: to find out whether they can be driven takes as long.
+FEWEST_STEPS = 3
+# Where the step of a model is defined, besides those of users.
+ENGINE_MODEL = "mesa_swarm.model.engine_model"
+
+
+class Due:
+    """Something of Python, and in which steps it is due: those that `every` divides."""
+
+    def __init__(self, what: str, every: int = 1) -> None:
+        self.what, self.every = what, every
+
+    def first_after(self, completed: int) -> int:
+        """Return the first step in which it is due, after this number of steps."""
+        return completed + self.every - completed % self.every
+
+    def __str__(self) -> str:
+        return self.what if self.every == 1 else f"{self.what}, every {self.every} steps"
+
+
+class HeldDue(Due):
+    """A reporter that holds its value for some steps: it is due in the first row after these."""
+
+    def __init__(self, name: str, held: Held, collect_every: int) -> None:
+        super().__init__(f"reporter {name}, a function in Python", max(held.trigger.every, collect_every))
+        self.held, self.collect_every = held, collect_every
+
+    def first_after(self, completed: int) -> int:
+        """Return the first collected step in which another value is measured."""
+        measured, trigger, step = self.held.measured, self.held.trigger, completed + 1
+        if trigger.last_due(step) == measured:
+            step = measured + trigger.every
+        return -(-step // self.collect_every) * self.collect_every
+
+
+class Driving(Prepared):
+    """What drives a model: its driver and the rows of measures, made anew where these have changed."""
+
+    driver: Driver | None = None
+    rows: MeasuredRows | None = None
+    rows_key: Any = None
+    stops: Sequence[tuple[Kernel, int]] = ()
+    stops_key: Any = None
+    ahead: int = 0  # how many more steps were begun than completed
+    undriven: Plan | None = None  # one of which a stage is Python in each step
+
+    def __init__(self) -> None:
+        self.flag = np.zeros(1, np.bool_)
+        # Columns of parts that every model has: they are replaced when bodies or robots change.
+        self.arrays: dict[str, np.ndarray] = {}
+
+
+def drive_model(model: Any, steps: int, stops: Sequence[Until] = ()) -> int:
+    """Take at most this many steps in one compiled call, and return how many; 0 if something in Python is due.
+
+    `stops` end the run besides those of the class.
+    """
+    plan, cache = model.parts.plan, model.driving
+    if plan is cache.undriven or longest_stretch(model, plan, steps, stops) < FEWEST_STEPS:
+        return 0
+    model.parts.replan()  # parameters may have been set by hand since
+    plan = model.parts.plan
+    stretch = longest_stretch(model, plan, steps, stops)
+    if stretch < FEWEST_STEPS:
+        return 0
+    driver = driver_of(model, plan, stops)
+    completed, begun = model.completed, model.steps
+    cache.ahead = begun - completed
+    model.parts.bodies.begin_step()
+
+    def note(taken: int, more: int) -> None:
+        model.parts.set_completed(completed + taken)
+        set_steps(model, begun + taken + more)
+
+    driver.take(stretch, completed, begun, len(model.swarm), note)
+    return int(driver.progress[TAKEN])
+
+
+def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] = ()) -> int:
+    """Return how many steps can be taken until something in Python is due, at most `steps`."""
+    most = min(steps, MOST_STEPS, max(MOST_ROBOT_STEPS // max(len(model.swarm), 1), 1))
+    if most < FEWEST_STEPS:
+        return 0
+    completed = model.completed
+    if any(stage.kernel is None and stage.every < FEWEST_STEPS for _, stage in plan.stages):
+        model.driving.undriven = plan
+        return 0
+    for due in list_due(model, plan, stops):
+        most = min(most, due.first_after(completed) - completed - 1)
+        if most < FEWEST_STEPS:
+            return 0
+    return most
+
+
+def list_due(model: Any, plan: Plan, stops: Sequence[Until] = ()) -> Iterator[Due]:
+    """Iterate over what in Python makes steps be taken one by one, and in which steps."""
+    yield from list_due_of_model(model, stops)
+    for part, stage in plan.stages:
+        if stage.kernel is None:
+            yield Due(f"{part}: {stage.name}", stage.every)
+    yield from list_due_rows(model)
+
+
+def list_due_of_model(model: Any, stops: Sequence[Until] = ()) -> Iterator[Due]:
+    """Iterate over what besides stages and rows is due in each step: methods of classes, observers, conditions."""
+    for kind in type(model).__mro__:
+        if "step" in vars(kind) and hasattr(kind, "completed") and kind.__module__ != ENGINE_MODEL:
+            yield Due(f"{kind.__name__}.step, a method in Python; declare stops, measures, parts or processes instead")
+    if not is_stepped_by_itself(model):
+        yield Due("model.step was replaced")
+    if has_own_events(model):
+        yield Due("events scheduled by Mesa")
+    for observer in model.observers:
+        yield Due(f"observer {type(observer).__name__}")
+    for condition in (*type(model).conditions, *stops):
+        if measure_of(model, condition.of) is None:
+            cure = "declare it by count, share, mean or value"
+            yield Due(f"stops by {condition.of}, a property in Python; {cure}", condition.every)
+
+
+def list_due_rows(model: Any) -> Iterator[Due]:
+    """Iterate over what makes rows of the data collector be collected in Python."""
+    every, collector = model.collect_every, model.datacollector
+    if not every:
+        return
+    if type(collector) is not Collector:
+        yield Due(f"datacollector {type(collector).__name__} of the model's class", every)
+        return
+    if collector.agent_reporters or collector.agenttype_reporters:
+        yield Due("reporters of agents", every)
+    for name, reporter in collector.model_reporters.items():
+        held = held_of(reporter)
+        if held is not None and held.trigger.every > 1:
+            yield HeldDue(name, held, every)
+        elif measure_of(model, reporter) is None:
+            cure = "declare it by count, share, mean or value, or hold it"
+            yield Due(f"reporter {name}, a function in Python; {cure}", every)
+
+
+def held_of(reporter: Any) -> Held | None:
+    """Return what holds the value of a reporter, if anything does."""
+    function = getattr(reporter, "func", None)
+    return function if isinstance(reporter, partial) and isinstance(function, Held) else None
+
+
+def driver_of(model: Any, plan: Plan, stops: Sequence[Until]) -> Driver:
+    """Return what drives a model, made anew where kernels have changed."""
+    cache = model.driving
+    kernels = [*kernels_of_stages(plan), *kernels_of_rows(model), *kernels_of_stops(model, stops)]
+    if cache.driver is None or not cache.driver.is_of(kernels):
+        cache.driver = Driver(kernels, cache.flag)
+    return cache.driver
+
+
+def kernels_of_stages(plan: Plan) -> list[tuple[Kernel, int]]:
+    """Return the kernels of a plan, each with every how many steps it is due."""
+    return [(stage.kernel, stage.every) for _, stage in plan.stages if stage.kernel is not None]
+
+
+def kernels_of_rows(model: Any) -> list[tuple[Kernel, int]]:
+    """Return the kernel that writes the rows of the data collector, if it collects."""
+    if not model.collect_every:
+        return []
+    cache, collector = model.driving, model.datacollector
+    measures = {name: measure_of(model, reporter) for name, reporter in collector.model_reporters.items()}
+    declared = {name: measure for name, measure in measures.items() if measure is not None}
+    # Arrays are kept by the kernel that was made of them, so that no other can have the address of one of them.
+    key = (collector, *((name, id(array_of(model, m.spec.column)), m.spec) for name, m in declared.items()))
+    if cache.rows is None or cache.rows_key != key:
+        cache.rows, cache.rows_key = MeasuredRows(model, declared, partial(take_rows, model)), key
+    return [(cache.rows.kernel, model.collect_every)]
+
+
+def take_rows(model: Any, steps: list[int], values: dict[str, list]) -> None:
+    """Add rows of measures to the data collector, beside values that are held."""
+    collector = model.datacollector
+    for name, reporter in collector.model_reporters.items():
+        held = held_of(reporter)
+        rows = values[name] if held is None else [deepcopy(held.value) for _ in steps]
+        collector.model_vars[name].extend(rows)
+    collector.note_collected(steps[-1], steps[-1] - model.driving.ahead)
+
+
+def kernels_of_stops(model: Any, stops: Sequence[Until]) -> list[tuple[Kernel, int]]:
+    """Return the kernels that set the flag where the run is to end."""
+    cache, key = model.driving, []
+    for condition in (*type(model).conditions, *stops):
+        measure = measure_of(model, condition.of)
+        if measure is not None:
+            key.append((condition, id(array_of(model, measure.spec.column))))
+    if cache.stops_key != key:
+        cache.stops = [(condition.kernel(model, cache.flag), condition.every) for condition, _ in key]
+        cache.stops_key = key
+    return cache.stops
+
+
+def describe_driving(model: Any, plan: Plan) -> str:
+    """Return in a line how many steps of a model one compiled call takes, and what is due in between."""
+    dues = [due for due in list_due(model, plan)]
+    if not dues:
+        most = min(MOST_STEPS, max(MOST_ROBOT_STEPS // max(len(model.swarm), 1), 1))
+        return f"driven: up to {most} steps in one compiled call"
+    least = min(due.every for due in dues)
+    if least < FEWEST_STEPS:
+        return "one step at a time: what is Python is due in each"
+    return f"driven: up to {least - 1} steps in one compiled call, then one in Python"
