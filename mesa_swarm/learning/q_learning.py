@@ -12,7 +12,7 @@ from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choic
 from mesa_swarm.control.layer import RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import draw
+from mesa_swarm.kernels.draws import draw_number
 from mesa_swarm.kernels.type_names import IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import (
     ACTIONS,
@@ -406,7 +406,7 @@ def learn_and_choose(block, step, first_row, last_row):
     robots, networks, action, past = rule.robots, rule.networks, rule.action, rule.past
     for i in range(past.chance.shape[0]):
         for k in range(past.chance.shape[1]):
-            past.chance[i, k] = draw(rule.lesson.stream)
+            past.chance[i, k] = draw_number(rule.lesson.stream)
     distance, kind, command, layer = robots.distance, robots.kind, robots.command, robots.layer
     ranges, weights, inputs, lessons = networks.ranges, networks.weights, networks.inputs, networks.lessons
     rewards, temperature, bumps, pace = networks.rewards, networks.temperature, networks.bumps, networks.pace

@@ -9,7 +9,7 @@ import numpy as np
 
 from mesa_swarm.kernels.block import KernelCall, call_at, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import Stream, draw
+from mesa_swarm.kernels.draws import Stream, draw_number
 from mesa_swarm.kernels.type_names import (
     CodeRows,
     Codes,
@@ -43,7 +43,7 @@ from mesa_swarm.robots.drive import accelerate, drive_to_motion, lose_motion, mo
 # returns to before the draws of this step; it finds which driven bodies loads stop; it returns loads.
 DONE, LIST, SETTLE, REWIND, BLOCK, RETURN = range(6)
 # Places in arrays: of one number, of the progress of a step, of counts of collisions and of steps of robots.
-ONLY, PIECE, PIECES, IN_STEP, IN_ALL, ROBOT_STEPS = 0, 0, 1, 0, 1, 2
+ONLY, NEXT, PIECE, PIECES, IN_STEP, IN_ALL, ROBOT_STEPS = 0, 0, 1, 2, 0, 1, 2
 # What is next of a step.
 BEGIN, SET_OUT, TRAVEL = range(3)
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
@@ -374,7 +374,7 @@ def roll_wheels(w, radius, motion):
         draws = w.draws
         for i in range(draws.shape[0]):
             for k in range(draws.shape[1]):
-                draws[i, k] = draw(w.stream)
+                draws[i, k] = draw_number(w.stream)
         slip_wheels(source, w.probability, w.magnitude, design, draws, rolled)
     else:
         for i in range(rolled.shape[0]):
