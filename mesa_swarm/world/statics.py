@@ -14,6 +14,8 @@ from mesa_swarm.world.shapes import Shape
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
 # The names of these kinds; custom ones follow, as far as the code fits into a byte.
 KINDS = ("obstacle", "robot", "fire", "load")
+# The kind of what is seen as another kind once it is out.
+GOES_OUT = KINDS[FIRE]
 MOST_KINDS = 127
 # How a body moves: not at all, where it is sent, where robots push it, with the robot that carries it.
 MODES = ("fixed", "driven", "pushed", "carried")
