@@ -586,12 +586,15 @@ class Learner(NetworkLayer[Q], RewardedLayer[Q]):
 
     def _network_lesson(self, senses: Senses) -> "NetworkLesson":
         """Return what the functions of learners with networks take."""
-        memory = map(self._column, ("lessons", "reward", "temperature", "bumps"))
+        lessons, reward, temperature, bumps = map(self._column, ("lessons", "reward", "temperature", "bumps"))
         return NetworkLesson(
             ranges_of(senses.sensors),
             self._weights,
             self._last_inputs(),
-            *memory,
+            lessons,
+            reward,
+            temperature,
+            bumps,
             self._pace(),
             REWARDS.index(self.reward),
             (float(self.gamma), float(self._alert), float(self.critical)),
