@@ -285,7 +285,7 @@ class HistoryArrays(NamedTuple):
 
     rows: RealTables
     steps: Integers
-    count: Integers
+    written: Integers
     every: Integers
     ahead: Integers
     fires: Integers
@@ -299,7 +299,7 @@ class HistoryArrays(NamedTuple):
 def store_row(block, step, first, last):
     """Store a row of the history of all fires, whichever rows of robots these are, if one is due after this step."""
     h = unpack(block, HistoryArrays)
-    rows, count, every = h.rows, h.count[ONLY], h.every[ONLY]
+    rows, count, every = h.rows, h.written[ONLY], h.every[ONLY]
     if every == 0 or (step - h.ahead[ONLY]) % every != 0:
         return DONE
     if count == rows.shape[0]:
@@ -311,7 +311,7 @@ def store_row(block, step, first, last):
         rows[count, 0, place] = h.temperature[h.fires[f]]
         rows[count, 1, place] = -1.0 if h.out[f] else h.robots[f]
     h.steps[count] = step
-    h.count[ONLY] = count + 1
+    h.written[ONLY] = count + 1
     return DONE
 
 
@@ -375,7 +375,7 @@ class History:
             HistoryArrays(
                 rows=rows,
                 steps=steps,
-                count=self._count,
+                written=self._count,
                 every=self._every,
                 ahead=self._ahead,
                 fires=fires.rows.copy(),

@@ -180,7 +180,7 @@ class BodiesPart(Part):
     def ending(self) -> Kernel:
         """Return what ends the ways of bodies, made anew when bodies or robots have changed.
 
-        Where loads have moved far, it has the scene made anew, of which the plan is one.
+        Where loads have moved far, it has the plan made anew, and with it the scene.
         """
         scene, prepared = self.scene(), self.cache.ending
         state = self.swarm.version, scene
@@ -203,9 +203,12 @@ class BodiesPart(Part):
                     noted=np.zeros(1, np.bool_),
                 )
             )
-            kernel = Kernel(end_ways, block.numbers, block, lambda code: self.scene())
-            prepared.state, prepared.kernel = state, kernel
+            prepared.state, prepared.kernel = state, Kernel(end_ways, block.numbers, block, self._replan)
         return cast(Kernel, prepared.kernel)
+
+    def _replan(self, code: int) -> None:
+        """Let the scene be made anew, with the plan, before the next step: until then its tables reach far enough."""
+        self.model.parts.replan()
 
     def carry_along(self) -> None:
         """Put carried bodies where their robots are."""

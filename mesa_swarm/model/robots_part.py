@@ -122,7 +122,7 @@ class RobotsPart(Part):
         """Sense, act, move."""
         yield Stage(Phase.SENSE, self.sense, "robots read their sensors", **self._sensing())
         if self.swarm.table.actions:
-            yield Stage(Phase.ACT, self.act, "actuators do what they are set to", python=self._of_class(Actuator))
+            yield Stage(Phase.ACT, self.act, "actuators do what they are set to", **self._acting())
         yield Stage(Phase.MOVE, self.move, "robots move, and contacts are resolved", **self._moving())
         yield Stage(Phase.COLLECT, self.count_collisions, "collisions are counted", self.counting())
 
@@ -142,6 +142,12 @@ class RobotsPart(Part):
         if fields.get("kernel") is not None:
             fields["kernel"] = sequence_of([fields["kernel"], *following])
         return fields
+
+    def _acting(self) -> dict[str, Any]:
+        """Return the fields of the stage of actuators: its kernel, or the names of those without."""
+        kernel = self.devices.acting(self.model, self.model.parts.bodies.scene())
+        names = ", ".join(dict.fromkeys(self.devices.actuators_without_kernels(self.model)))
+        return {"kernel": kernel} if kernel else {"python": names or self._of_class(Actuator)}
 
     def _moving(self) -> dict[str, Any]:
         """Return the fields of the stage that moves robots, likewise after imperfections of their wheels."""

@@ -65,7 +65,7 @@ class HearArrays(NamedTuple):
     states: bool
     goals: bool
     messages: IntegerRows
-    count: Integers
+    number_heard: Integers
     distance: RealRows
     bearing: RealRows
     sends: Flags
@@ -134,9 +134,9 @@ class Channel:
     def _columns_of_senders(self, swarm: Swarm) -> dict[str, np.ndarray]:
         """Return the columns of how many messages are heard, and from where; empty ones without messages."""
         if not self.radio.message:
-            return {"count": np.empty(0, np.int64), "distance": np.empty((0, 0)), "bearing": np.empty((0, 0))}
+            return {"number_heard": np.empty(0, np.int64), "distance": np.empty((0, 0)), "bearing": np.empty((0, 0))}
         heard = (swarm.columns[f"{HEARD}{name}"] for name in OF_HEARD)
-        return dict(zip(("count", "distance", "bearing"), heard, strict=True))
+        return dict(zip(("number_heard", "distance", "bearing"), heard, strict=True))
 
 
 def obstacles_of(surroundings: Surroundings) -> tuple:
@@ -166,7 +166,7 @@ def hear_all(block, step, first, last):
         note_senders(h.messages, h.sends)
         senders = h.senders
         hear_messages(
-            position, heading, number, h.sends, limits, grid, obstacles, h.count, h.distance, h.bearing, senders
+            position, heading, number, h.sends, limits, grid, obstacles, h.number_heard, h.distance, h.bearing, senders
         )
         deliver_messages(h.messages, senders)
     return 0

@@ -106,6 +106,16 @@ class Engine(ABC):
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
 
+    def settling(self, swarm: Swarm, surroundings: Surroundings) -> Kernel:
+        """Return the kernel that has robots settled which overlap anything, for those that follow in a sequence."""
+
+        def attend(code: int) -> None:
+            self.settle(swarm, surroundings)
+            swarm.disturbed = False
+
+        block = Block(SettleArrays(swarm.disturbances))
+        return Kernel(settle_first, block.numbers, block, attend)
+
     def move(
         self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, stream: Generator | None
     ) -> None:
@@ -320,12 +330,6 @@ class CompiledEngine(Engine):
             cast(SensorNoise, self._noise).rewind()
         else:
             self._crowd.make_room()
-
-    def settling(self, swarm: Swarm, surroundings: Surroundings) -> Kernel:
-        """Return the kernel that has robots settled which overlap anything, for those that follow in a sequence."""
-        block = Block(SettleArrays(swarm.disturbances))
-        attend = partial(self._attend_moving, swarm, surroundings, None)
-        return Kernel(settle_first, block.numbers, block, attend)
 
     def _move_kernel_for(
         self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, stream: Generator | None

@@ -1,5 +1,6 @@
 """Custom sensors and actuators: their functions, called with the columns and numbers that they name."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -28,7 +29,7 @@ class OwnDevices:
     """The sensors and actuators of a swarm with functions of their own, bound to the rows of their robots."""
 
     def __init__(self) -> None:
-        self._version, self._prepared = -1, Prepared()
+        self._version, self._prepared, self._of_actuators = -1, Prepared(), Prepared()
         self._readers: list[Reader] = []
         self._doers: list[Doer] = []
 
@@ -70,9 +71,37 @@ class OwnDevices:
     def act(self, model: Any, scene: Surroundings) -> None:
         """Let all actuators do what is set."""
         self._bind(model)
+        kernel = self.acting(model, scene)
+        if kernel is not None:
+            kernel.run(model.completed + 1, len(model.swarm))
+            return
         self._check_set(model)
         for doer in self._doers:
             _call_device(doer.act, doer.actuator, model, scene)
+
+    def acting(self, model: Any, scene: Surroundings) -> Kernel | None:
+        """Return the kernel of all actuators, None where one has none, or nothing was done by them yet."""
+        swarm, prepared = model.swarm, self._of_actuators
+        if self._version != swarm.version:
+            return None
+        state = swarm.version, scene
+        if prepared.state != state:
+            kernels = [doer.kernel(model) for doer in self._doers]
+            prepared.state, prepared.kernel = state, None
+            if None not in kernels:
+                checks = [self._check_of(model, name) for name in swarm.table.actions]
+                prepared.kernel = sequence_of([*checks, *(kernel for kernel in kernels if kernel is not None)])
+        return prepared.kernel
+
+    def actuators_without_kernels(self, model: Any) -> list[str]:
+        """Return the names of the actuators that have no kernel."""
+        return [doer.actuator.name for doer in self._doers if doer.kernel(model) is None]
+
+    def _check_of(self, model: Any, name: str) -> Kernel:
+        """Return the kernel that refuses numbers to which actuators are set that are not finite."""
+        column = model.swarm.columns[f"{ACT}{name}"]
+        block = Block(ColumnArray(column.reshape(len(column), math.prod(column.shape[1:]))))
+        return Kernel(check_column, block.numbers, block, lambda code: self._check_set(model))
 
     def _check_set(self, model: Any) -> None:
         """Refuse numbers that are not finite: what they do cannot be undone."""
@@ -99,7 +128,7 @@ class OwnDevices:
 
 
 class ColumnArray(NamedTuple):
-    """What `clear_column` takes: a column of readings."""
+    """What `clear_column` and `check_column` take: a column."""
 
     column: RealRows
 
@@ -108,6 +137,17 @@ class ColumnArray(NamedTuple):
 def clear_column(block, step, first, last):
     """Let all robots read nothing, NaN."""
     unpack(block, ColumnArray).column[:] = np.nan
+    return 0
+
+
+@compiled(nogil=True)
+def check_column(block, step, first, last):
+    """Return whether any number is not finite."""
+    column = unpack(block, ColumnArray).column
+    for i in range(column.shape[0]):
+        for w in range(column.shape[1]):
+            if not math.isfinite(column[i, w]):
+                return 1
     return 0
 
 
@@ -150,6 +190,12 @@ class Doer:
         self.actuator, self.rows = actuator, rows
         self._column = swarm.columns[f"{ACT}{actuator.name}"]
         self._call = None if own_function(actuator, "act") is None else Call(swarm, actuator, "act", rows)
+
+    def kernel(self, model: Any) -> Kernel | None:
+        """Return the kernel that does what the robots have set, if the class of the actuator has one."""
+        if self._call is not None:
+            return None
+        return kernel_of(self.actuator, "apply", model, self.rows)
 
     def act(self, model: Any, scene: Surroundings) -> None:
         """Do what the robots in these rows have set."""

@@ -1,15 +1,22 @@
 """Actuators: numbers besides the wheels that a rule sets and a model acts on."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, check_flag, check_number, shortened
+from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.sequence import sequence_of
+from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.robots.devices import Device, check_device, check_identifier, own_function
 from mesa_swarm.robots.sensors import Mount, check_mount
-from mesa_swarm.world.fields import LARGEST_AMOUNT
+from mesa_swarm.world.fields import LARGEST_AMOUNT, DepositArrays, deposit_at
 
 # Columns of what actuators are set to begin so.
 ACT = "act."
@@ -66,6 +73,48 @@ class Actuator(Device):
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Do what the robots in these rows have set; by default nothing."""
 
+    def kernel_for(self, model: Any, rows: np.ndarray) -> Kernel | None:
+        """Return a kernel that does what `apply` of the same class does, None without one."""
+        return sequence_of([])
+
+
+class EmitArrays(NamedTuple):
+    """What `emit_all` takes.
+
+    Columns of the swarm, with what the actuator is set to, and the rows of robots that have it; its rate and mount;
+    the field; scratch for places (k, 2) and amounts.
+    """
+
+    position: RealRows
+    heading: Reals
+    setting: Reals
+    rows: Integers
+    rate: float
+    mount: tuple[float, float]
+    field: DepositArrays
+    points: RealRows
+    amounts: Reals
+
+
+@compiled(nogil=True)
+def emit_all(block, step, first, last):
+    """Deposit what robots that have an emitter have set, all or nothing; return whether an amount is wrong."""
+    e = unpack(block, EmitArrays)
+    rows, setting, points, amounts, (x, y), count = e.rows, e.setting, e.points, e.amounts, e.mount, 0
+    for i in rows:
+        if not (0.0 <= e.rate * setting[i] <= LARGEST_AMOUNT):
+            return 1
+    for i in rows:
+        if setting[i] * e.rate != 0.0:
+            cosine, sine = math.cos(e.heading[i]), math.sin(e.heading[i])
+            points[count, 0] = e.position[i, 0] + (cosine * x - sine * y)
+            points[count, 1] = e.position[i, 1] + (sine * x + cosine * y)
+            amounts[count] = e.rate * setting[i]
+            count += 1
+    if count > 0:
+        deposit_at(e.field, points[:count], amounts[:count])
+    return 0
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Emitter(Actuator):
@@ -114,23 +163,34 @@ class Emitter(Actuator):
 
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Deposit what the robots in these rows have set."""
-        field, columns = model.fields[self.field], model.swarm.columns
-        amounts = self.rate * columns[f"{ACT}{self.name}"][rows]
-        wrong = np.flatnonzero(~((amounts >= 0) & (amounts <= LARGEST_AMOUNT)))
-        if len(wrong):
-            robot = model.swarm.agents[rows[wrong[0]]].unique_id
-            raise BehaviourError(
-                f"act.{self.name} of robot {robot} would deposit {amounts[wrong[0]]:g}; "
-                f"expected 0 to {LARGEST_AMOUNT:g}: fields hold no less than nothing"
-            )
-        emitting = np.flatnonzero(amounts)
-        if len(emitting):
-            field.add(self._points(model, rows[emitting]), amounts[emitting])
+        self.kernel_for(model, rows).run(model.completed + 1, len(model.swarm))
 
-    def _points(self, model: Any, rows: np.ndarray) -> np.ndarray:
-        position, heading = model.swarm.columns["position"][rows], model.swarm.columns["heading"][rows]
-        (x, y), cos, sin = self.mount, np.cos(heading), np.sin(heading)
-        return position + np.column_stack([cos * x - sin * y, sin * x + cos * y])
+    def kernel_for(self, model: Any, rows: np.ndarray) -> Kernel:
+        """Return what deposits for the robots in these rows, see `Actuator`."""
+        columns = model.swarm.columns
+        arrays = EmitArrays(
+            position=columns["position"],
+            heading=columns["heading"],
+            setting=columns[f"{ACT}{self.name}"],
+            rows=np.array(rows),
+            rate=float(self.rate),
+            mount=self.mount,
+            field=model.fields[self.field].arrays(),
+            points=np.empty((len(rows), 2)),
+            amounts=np.empty(len(rows)),
+        )
+        block = Block(arrays)
+        return Kernel(emit_all, block.numbers, block, partial(self._refuse, model, arrays))
+
+    def _refuse(self, model: Any, arrays: EmitArrays, code: int) -> None:
+        """Raise an error for the first robot that would deposit too much or too little."""
+        amounts = arrays.rate * arrays.setting[arrays.rows]
+        wrong = int(np.argmin((amounts >= 0) & (amounts <= LARGEST_AMOUNT)))
+        robot = model.swarm.agents[arrays.rows[wrong]].unique_id
+        raise BehaviourError(
+            f"act.{self.name} of robot {robot} would deposit {amounts[wrong]:g}; "
+            f"expected 0 to {LARGEST_AMOUNT:g}: fields hold no less than nothing"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

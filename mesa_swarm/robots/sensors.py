@@ -32,6 +32,9 @@ class Sensor(Device):
     changes nothing but `out`, and reading twice gives the same. It is compiled when first used, and runs as plain
     Python where it cannot be.
 
+    A class that derives from another may have ``kernel_for(model, rows, column, first)`` besides, which returns a
+    `mesa_swarm.kernels.part.Kernel` that does the same for robots in these rows, from a place in the column on.
+
     Readings are ``me.compass`` in a rule, ``swarm.compass`` (n, width) and ``robot.compass``; NaN for robots without
     one. Sensors of a design with the same name stand side by side in that column, in their order.
 
@@ -340,7 +343,7 @@ class FieldSensor(Sensor):
     def kernel_for(self, model: Any, rows: np.ndarray, column: np.ndarray, first: int) -> Kernel:
         """Return what reads the field for the robots in these rows, see `Sensor`."""
         field, robots = model.fields[self.field], RowsOfSensor.of(model, rows, column, first, int(self.width))
-        block = Block(FieldReading(robots, self.mount, field.stored_values, field.sides, field.frame))
+        block = Block(FieldReading(robots, self.mount, *field.arrays()[:3]))
         return Kernel(read_fields, block.numbers, block)
 
 

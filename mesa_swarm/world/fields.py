@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import is_
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -43,6 +43,8 @@ from mesa_swarm.geometry.diffusion import (
     withdraw,
 )
 from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import ByteRows, Flags, Integers, RealRows, Reals
 from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Shape, as_numbers
 
@@ -135,6 +137,31 @@ class Field:
         return max(1, math.ceil(sub_steps))
 
 
+class DepositArrays(NamedTuple):
+    """A field as compiled functions deposit into it.
+
+    Values, sides and frame as in `geometry.diffusion`; whether it is empty, its peak, and how often it was changed.
+    """
+
+    values: RealRows
+    sides: ByteRows
+    frame: tuple[float, float, float, float]
+    empty: Flags
+    peak: Reals
+    changes: Integers
+
+
+@compiled
+def deposit_at(field: DepositArrays, points: np.ndarray, amounts: np.ndarray) -> None:
+    """Add amounts at points of the map, beyond the border at the nearest cells, to a field, see `DepositArrays`."""
+    values = field.values
+    cells = cells_at(values.shape, field.sides, field.frame, points)
+    largest = deposit(values.reshape(-1), cells, amounts)
+    field.changes[0] += 1
+    field.empty[0] = field.empty[0] and largest == 0.0
+    field.peak[0] = max(field.peak[0], largest)
+
+
 class ScalarField:
     """A field of a model, see `Field`; made by `SwarmModel.add_field`.
 
@@ -146,10 +173,6 @@ class ScalarField:
     Attributes
     ----------
     declared : Field
-    peak : float
-        The largest value that a cell has ever had, to which colours of pictures refer.
-    changes : int
-        How often its values were changed other than by advancing.
     removed : bool
         Whether `SwarmModel.remove_field` took it out of its model: its last values can then be read, nothing else.
     """
@@ -161,9 +184,9 @@ class ScalarField:
         self._sub_steps = declaration.sub_steps(*self.frame[2:])
         self.declaration = declaration
         self.bounds = bounds
-        self.peak = 0.0
-        self.changes = 0
         self.removed = False
+        # Of one number each, also for compiled functions.
+        self._peak, self._changes = np.zeros(1), np.zeros(1, np.int64)
         self._values = np.zeros((rows, columns))
         self._empty = np.ones(1, np.bool_)  # whether it is, also to compiled functions
         self._shapes = walls if declaration.walls else tuple
@@ -208,9 +231,22 @@ class ScalarField:
         self._note_change(float(self._values.max()))
 
     @property
-    def stored_values(self) -> np.ndarray:
-        """The array of the values, for compiled functions that read it."""
-        return self._values
+    def peak(self) -> float:
+        """The largest value that a cell has ever had, to which colours of pictures refer."""
+        return float(self._peak[0])
+
+    @peak.setter
+    def peak(self, peak: float) -> None:
+        self._peak[0] = peak
+
+    @property
+    def changes(self) -> int:
+        """How often its values were changed other than by advancing."""
+        return int(self._changes[0])
+
+    def arrays(self) -> "DepositArrays":
+        """Return what compiled functions read and deposit into, which is valid as long as the walls are."""
+        return DepositArrays(self._values, self.sides, self.frame, self._empty, self._peak, self._changes)
 
     @property
     def sides(self) -> np.ndarray:
@@ -351,8 +387,7 @@ class ScalarField:
     def add(self, points: np.ndarray, amounts: np.ndarray) -> None:
         """Add amounts at points of which the model knows that they are valid; beyond the border at the nearest cell."""
         if len(points):
-            largest = deposit(self._values.reshape(-1), self._cells(points), amounts)
-            self._note_change(largest)
+            deposit_at(self.arrays(), points, amounts)
 
     def look_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `at` and `gradient` of an array of finite points, shapes (n,) and (n, 2)."""
@@ -398,7 +433,7 @@ class ScalarField:
             raise InvalidValueError(f"field {self.name} was removed; expected one of model.fields")
 
     def _note_change(self, largest: float) -> None:
-        self.changes += 1
+        self._changes[0] += 1
         self._empty[0] &= largest == 0.0
         self.peak = max(self.peak, largest)
 

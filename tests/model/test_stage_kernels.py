@@ -4,7 +4,7 @@ import math
 import pickle
 from collections import Counter
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,10 +13,13 @@ from numba import types
 from mesa_swarm import (
     AGENT9,
     AGENT_FIRE,
+    Emitter,
     Field,
+    FieldSensor,
     Lamp,
     LineSensor,
     Map,
+    NeighbourSensor,
     ProximitySensor,
     RadiationSensor,
     Radio,
@@ -39,6 +42,7 @@ from mesa_swarm.physics.stage_kernels import BLOCK, LIST, RETURN
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 
+ACT = "actuators do what they are set to"
 SENSE, MOVE, COUNT = "robots read their sensors", "robots move, and contacts are resolved", "collisions are counted"
 HEAR, DECIDE, FIELDS, PROCESSES, HISTORY = (
     "robots hear each other",
@@ -218,6 +222,29 @@ def failing():
     return model
 
 
+@behaviour
+def follow_trail(me):
+    me.act.trail = 0.3
+    turn = min(0.1 * me.trail[0], 0.4) if me.trail[0] > 0.0 else 0.0
+    near = me.neighbour[0] < 20 or me.guard[0] < 30
+    return (0.5, -0.5) if near else (0.5 - turn, 0.5 + turn)
+
+
+def smelling(**named):
+    """Return a world of robots that leave trails and smell them, and see neighbours and bodies behind a wall or not."""
+    model = SwarmModel(map=Map(bounds=(0, 0, 220, 180)), rng=3, **named)
+    model.add_obstacle(rectangle((100, 60), (110, 120)))
+    model.add_field(Field("trail", cell=5.0, diffusion=0.5, evaporation=0.01))
+    model.add_process(DoorKeeper(model.add_body(disc((205, 80), 4), kind="guard").unique_id))
+    antennae = FieldSensor(field="trail", mount=(5, 3)), FieldSensor(field="trail", mount=(5, -3))
+    eyes = NeighbourSensor(range=50, k=2, occluded=True, lamp=True), NeighbourSensor(range=80, k=1, kind="guard")
+    actuators = Emitter(field="trail", mount=(-3, 1), rate=2.0), Lamp()
+    model.add_robots(replace(AGENT9, sensors=(*antennae, *eyes), actuators=actuators), 12)
+    model.add_robots(replace(AGENT9, sensors=(*AGENT9.sensors, *antennae[:1], *eyes), actuators=actuators), 6)
+    model.control = Subsumption(follow_trail)
+    return model
+
+
 # Of each world its model, and the stages that have kernels.
 WORLDS = {
     "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT}),
@@ -230,6 +257,8 @@ WORLDS = {
     "imperfect drives": (lambda: driving(imperfections=0.6), {SENSE, MOVE, COUNT}),
     "loads": (pushing, {SENSE, DECIDE, MOVE, COUNT}),
     "messages": (talking, {HEAR, COUNT}),
+    "own devices": (lambda: smelling().run(1), {SENSE, ACT, MOVE, COUNT, FIELDS}),
+    "imperfect devices": (lambda: smelling(imperfections=0.05).run(1), {SENSE, ACT, MOVE, COUNT, FIELDS}),
     "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
     "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
     "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT}),
@@ -337,6 +366,47 @@ def test_a_load_that_robots_cannot_yield_to_returns_and_all_travel_again(run):
     run(models, 40)
     assert CODES["move_robots", RETURN] > 0
     assert models[1].loads[0].position[0] > 360.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Louder(FieldSensor):
+    """A sensor of a field that reads otherwise."""
+
+    @staticmethod
+    def read(position, heading, mount, amounts, sides, frame, out):
+        for i in range(len(out)):
+            out[i, 0] = 2.0 + heading[i]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wasteful(Emitter):
+    """An actuator that deposits nothing."""
+
+    def apply(self, model, rows):
+        """Do nothing."""
+
+
+def test_devices_that_do_otherwise_than_those_that_they_derive_from_have_no_kernel():
+    model = SwarmModel(rng=1)
+    model.add_field(Field("trail"))
+    design = replace(AGENT9, sensors=(Louder(field="trail"),), actuators=(Wasteful(field="trail"),))
+    (robot,) = model.add_robots(design, poses=[(100, 100, 0.5)])
+    model.control = Subsumption(Explore())
+    model.run(2).swarm.columns["act.trail"][:] = 1.0
+    model.sense()
+    assert not {SENSE, ACT} & stages_with_kernels(model)
+    assert (robot.trail.tolist(), model.run(1).fields["trail"].total) == ([2.0 + robot.heading], 0.0)
+
+
+@pytest.mark.parametrize(("value", "words"), [(-1.0, "would deposit -2"), (math.nan, "expected finite numbers")])
+def test_a_wrong_amount_is_refused_by_the_kernel_of_actuators_before_anything_is_deposited(value, words):
+    model = smelling().run(2)
+    before = model.fields["trail"].total
+    stage = next(stage for _, stage in model.plan.stages if stage.name == ACT)
+    model.swarm.columns["act.trail"][:] = [0.5] * 17 + [value]
+    with pytest.raises(BehaviourError, match=words):
+        stage.kernel.run(3, len(model.swarm))
+    assert model.fields["trail"].total == before
 
 
 def test_each_kernel_is_compiled_for_one_signature(run):
