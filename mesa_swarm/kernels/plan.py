@@ -187,3 +187,14 @@ def drive_steps(block, steps, completed, begun, rows):
         place = 0
         progress[TAKEN], progress[NEXT] = taken + 1, 0
     return 0
+
+
+@compiled(nogil=True)
+def drive_worlds(blocks, orders, codes, first, last):
+    """Take steps of worlds, of each as `drive_steps` does, and write the code with which each has ended.
+
+    A row a world: of `blocks` the numbers of its driver, of `orders` the other arguments; for rows `first` to `last`.
+    """
+    for w in range(first, last):
+        order = orders[w]
+        codes[w] = drive_steps(blocks[w], order[0], order[1], order[2], order[3])
