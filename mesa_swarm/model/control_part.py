@@ -31,10 +31,10 @@ WRITTEN = ("command", "last_command", "layer", "task", "goal")
 
 
 def is_compiled(layer: Any) -> bool:
-    """Return whether a layer decides by compiled code: one of the package, or a rule that Numba compiles."""
+    """Return whether a layer decides by compiled code: a rule that Numba compiles, or a class that does."""
     if isinstance(layer, Behaviour):
         return not layer.rule.is_plain
-    return type(layer).__module__.startswith(OURS)
+    return type(layer).__module__.startswith(OURS) or hasattr(layer, "kernel_for")
 
 
 def is_frozen(layer: Any) -> bool:

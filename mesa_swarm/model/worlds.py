@@ -1,13 +1,13 @@
 """Many models that take their steps side by side: one compiled call for all of them, shared by threads."""
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.kernels.plan import drive_worlds
+from mesa_swarm.kernels.plan import BEGINS, drive_worlds
 from mesa_swarm.model.driving import Stretch
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.physics.threads import ROW_THREADS, check_threads
@@ -87,17 +87,18 @@ class ModelRun:
         return self.error is None and self.stretch is not None
 
     def attend(self, code: int) -> bool:
-        """Count the steps of the compiled call, do in Python what it could not, and return whether it goes on."""
+        """Do in Python what the compiled call could not, and return whether it goes on."""
         stretch: Any = self.stretch
-        stretch.note(stretch.taken, int(code != 0))
-        if code:
-            with self.ending():
-                stretch.driver.attend(code)
-        return code != 0 and self.error is None
+        stretch.note(stretch.taken, 1)
+        with self.ending():
+            stretch.driver.attend(code)
+        return self.error is None
 
     def finish(self) -> None:
-        """Take what the compiled call has written into buffers."""
+        """Count the steps that were taken, and take what was written into buffers."""
         stretch: Any = self.stretch
+        if self.error is None:
+            stretch.note(stretch.taken, 0)
         with self.ending():
             stretch.driver.finish()
 
@@ -125,25 +126,40 @@ def take_together(runs: Sequence[ModelRun], threads: int) -> None:
     """Take the stretches that runs have begun, in compiled calls that threads share."""
     stretches: list[Any] = [run.stretch for run in runs]
     blocks = np.array([stretch.driver.numbers for stretch in stretches], np.int64)
-    orders = np.array([(s.steps, s.completed, s.begun, s.rows) for s in stretches], np.int64)
-    for stretch in stretches:
-        stretch.driver.begin()
-    pending = list(range(len(runs)))
+    orders = np.array([(s.steps, s.completed, s.begun, s.rows, True) for s in stretches], np.int64)
     try:
-        while pending:
-            codes = call_worlds(blocks[pending], orders[pending], threads)
-            pending = [row for row, code in zip(pending, codes, strict=True) if runs[row].attend(code)]
+        call_worlds(blocks, orders, threads, lambda row, code: runs[row].attend(code))
     finally:
         for run in runs:
             run.finish()
 
 
-def call_worlds(blocks: np.ndarray, orders: np.ndarray, threads: int) -> list[int]:
-    """Take the steps of a world for each row in one compiled call, or one a thread, and return their codes."""
-    codes = np.zeros(len(blocks), np.int64)
+def call_worlds(blocks: np.ndarray, orders: np.ndarray, threads: int, attend: Callable[[int, int], object]) -> None:
+    """Take the steps of a world for each row in one compiled call, or one a thread.
+
+    Parameters
+    ----------
+    blocks, orders : int64 ndarrays
+        As `drive_worlds` takes them.
+    threads : int
+    attend : callable
+        Is given a row and the code with which it has ended, if that is not 0, and returns whether it is to go on.
+    """
+    pending = np.arange(len(blocks))
+    while len(pending):
+        codes = np.zeros(len(pending), np.int64)
+        share_worlds(blocks[pending], orders[pending], codes, threads)
+        orders[pending, BEGINS] = False
+        rows = pending[codes != 0].tolist()
+        pending = np.array(
+            [row for row, code in zip(rows, codes[codes != 0].tolist(), strict=True) if attend(row, code)], np.int64
+        )
+
+
+def share_worlds(blocks: np.ndarray, orders: np.ndarray, codes: np.ndarray, threads: int) -> None:
+    """Let threads take rows of worlds."""
     parts = min(threads, len(blocks))
     ROW_THREADS.share(len(blocks), parts, lambda first, last: drive_worlds(blocks, orders, codes, first, last))
-    return codes.tolist()
 
 
 def check_models(models: Iterable[AnyModel]) -> list[AnyModel]:
