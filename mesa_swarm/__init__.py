@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.model.measures import ColumnMeasure, count, mean, share, until, until_zero, value
     from mesa_swarm.model.parameters import Choice, Slider
     from mesa_swarm.model.previous import Previous
+    from mesa_swarm.model.process_rule import ProcessRule, process
     from mesa_swarm.model.processes import Process
     from mesa_swarm.model.reporters import event_count, event_total, held
     from mesa_swarm.model.scattering import Wander, scatter
@@ -97,6 +98,7 @@ _MODULES = {
     "model.parameters": "Choice Slider",
     "model.measures": "ColumnMeasure count mean share until until_zero value",
     "model.previous": "Previous",
+    "model.process_rule": "ProcessRule process",
     "model.processes": "Process",
     "model.reporters": "event_count event_total held",
     "recording.recording": "Recording",
@@ -157,6 +159,7 @@ __all__ = [
     "Phase",
     "Previous",
     "Process",
+    "ProcessRule",
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
@@ -190,6 +193,7 @@ __all__ = [
     "model_info",
     "omni_speeds",
     "polygon",
+    "process",
     "rectangle",
     "scatter",
     "sensitivity",

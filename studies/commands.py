@@ -27,7 +27,7 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="A few seconds, and rougher.")] = False,
     out: Folder = Path("results", "bench"),
 ) -> None:
-    """Measure steps, starts, memory and many runs, beside goals and other simulators."""
+    """Measure steps, starts, memory and many runs, beside goals, a bare C program and other simulators."""
     folder = check_writable(out)
     from mesa_swarm_studies.benchmarks.speed import report
 

@@ -19,7 +19,8 @@ FOLDERS = ["docs", "mesa_swarm", "models", "notebooks/solutions", "studies", "te
 TEXTS = [
     *("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "mkdocs.yml", ".ci/run", "notebooks/*.md"),
     *("docs/**/*.md", "docs/*.css", "docs/pictures/step.svg"),
-    *("mesa_swarm/**/*.js", "mesa_swarm/**/*.css", "models/*.toml", "studies/**/*.toml", "pyproject.toml"),
+    *("mesa_swarm/**/*.js", "mesa_swarm/**/*.css", "models/*.toml", "studies/**/*.toml", "studies/**/*.c"),
+    "pyproject.toml",
 ]
 NOTEBOOKS = ["notebooks/*.ipynb"]
 

@@ -2,12 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
-
-import numpy as np
+from typing import Any, ClassVar, NamedTuple
 
 from mesa_swarm.base.errors import check_choice, check_name, check_number
-from mesa_swarm.control.layer import Memoryless, Senses
+from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -33,13 +32,10 @@ class Steering(Memoryless):
         check_choice("target", self.target, TARGETS)
         check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that sense such things."""
-        towards, critical = (
-            self.sign * directions_to_targets(senses, self.target),
-            math.radians(self.critical_angle_degrees),
-        )
-        go_towards(towards, senses.max_speed, senses.radius, critical, command, layer, index)
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "SteeringRule"]:
+        """Return what drives the robots that sense such things."""
+        target = TARGETS.index(self.target), self.sign
+        return go_towards, SteeringRule(robots, *target, math.radians(self.critical_angle_degrees))
 
     def reason(self, moment: Moment) -> Reason:
         """Return what it goes to, or away from."""
@@ -114,64 +110,81 @@ class Halt(Memoryless):
         """Check the name."""
         check_name("name", self.name)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Halt the robots that no other layer drives."""
-        halt_robots(command, layer, index)
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "HaltRule"]:
+        """Return what halts the robots that no other layer drives."""
+        return halt_robots, HaltRule(robots)
 
     def reason(self, moment: Moment) -> Reason:
         """Return that it stands."""
         return Reason("it is to stand")
 
 
-def directions_to_targets(senses: Senses, target: str) -> np.ndarray:
-    """Return where each robot senses a target, as vectors (n, 2) in its own frame, (0, 0) for nothing."""
-    if target == GOAL:
-        return np.nan_to_num(senses.heard_goal)
-    sums = np.empty((len(senses.design), 2))
-    if target == HEAT:
-        sum_of_heat(senses.radiation, senses.radiation_bearing, senses.design, sums)
-    else:
-        sum_of_things(senses.distance, senses.kind, senses.bearing, senses.design, KINDS.index(target), sums)
-    return sums
+class SteeringRule(NamedTuple):
+    """What `go_towards` takes: a place in `TARGETS`, 1 for towards and -1 for away, and an angle in rad."""
+
+    robots: RobotColumns
+    target: int
+    sign: float
+    critical_angle: float
 
 
-@compiled
-def sum_of_things(distance, kind, bearing, design, target, sums):
-    """Write the sum of directions of sensors that see things of a kind, each weighted by 1 / (1 + reading)."""
-    for i in range(sums.shape[0]):
-        sums[i, 0], sums[i, 1] = 0.0, 0.0
-        for s in range(kind.shape[1]):
-            if kind[i, s] == target:
-                weight = 1.0 / (1.0 + distance[i, s])
-                sums[i, 0] += weight * math.cos(bearing[design[i], s])
-                sums[i, 1] += weight * math.sin(bearing[design[i], s])
+class HaltRule(NamedTuple):
+    """What `halt_robots` takes."""
+
+    robots: RobotColumns
 
 
-@compiled
-def sum_of_heat(radiation, bearing, design, sums):
-    """Write the sum of directions of radiation sensors, each weighted by its reading."""
-    for i in range(sums.shape[0]):
-        sums[i, 0], sums[i, 1] = 0.0, 0.0
-        for q in range(radiation.shape[1]):
-            sums[i, 0] += radiation[i, q] * math.cos(bearing[design[i], q])
-            sums[i, 1] += radiation[i, q] * math.sin(bearing[design[i], q])
+HEAT_PLACE, GOAL_PLACE = TARGETS.index(HEAT), TARGETS.index(GOAL)
 
 
-@compiled
-def go_towards(towards, max_speed, radius, critical_angle, command, layer, index):
-    """Write the commands of robots that have a direction and are driven by no earlier layer."""
+@compiled(nogil=True)
+def go_towards(block, step, first, last):
+    """Write the commands of robots that sense such things and are driven by no earlier layer."""
+    rule = unpack(block, SteeringRule)
+    robots = rule.robots
+    command, layer = robots.command, robots.layer
     for i in range(layer.shape[0]):
-        x, y = towards[i, 0], towards[i, 1]
-        if layer[i] < 0 and (x != 0.0 or y != 0.0):
-            command[i, 0], command[i, 1] = approach(math.atan2(y, x), critical_angle, max_speed[i], radius[i])
-            layer[i] = index
+        if layer[i] >= 0:
+            continue
+        x, y = find_direction(robots, rule.target, i)
+        x, y = rule.sign * x, rule.sign * y
+        if x != 0.0 or y != 0.0:
+            bearing, speed = math.atan2(y, x), robots.max_speed[i]
+            command[i, 0], command[i, 1] = approach(bearing, rule.critical_angle, speed, robots.radius[i])
+            layer[i] = robots.index
+    return 0
 
 
 @compiled
-def halt_robots(command, layer, index):
+def find_direction(robots, target, i):
+    """Return where robot i senses a target, as a vector in its own frame, (0, 0) for nothing.
+
+    The sum of the directions of sensors, each weighted: those that see things of a kind by 1 / (1 + reading), radiation
+    sensors by what they read.
+    """
+    d, x, y = robots.design[i], 0.0, 0.0
+    if target == GOAL_PLACE:
+        x, y = robots.heard_goal[i, 0], robots.heard_goal[i, 1]
+        return (0.0 if math.isnan(x) else x), (0.0 if math.isnan(y) else y)
+    if target == HEAT_PLACE:
+        for q in range(robots.radiation.shape[1]):
+            x += robots.radiation[i, q] * math.cos(robots.radiation_bearing[d, q])
+            y += robots.radiation[i, q] * math.sin(robots.radiation_bearing[d, q])
+        return x, y
+    for s in range(robots.kind.shape[1]):
+        if robots.kind[i, s] == target:
+            weight = 1.0 / (1.0 + robots.distance[i, s])
+            x += weight * math.cos(robots.bearing[d, s])
+            y += weight * math.sin(robots.bearing[d, s])
+    return x, y
+
+
+@compiled(nogil=True)
+def halt_robots(block, step, first, last):
     """Write commands of zero for robots that no earlier layer drives."""
-    for i in range(layer.shape[0]):
-        if layer[i] < 0:
-            for w in range(command.shape[1]):
-                command[i, w] = 0.0
-            layer[i] = index
+    robots = unpack(block, HaltRule).robots
+    for i in range(robots.layer.shape[0]):
+        if robots.layer[i] < 0:
+            robots.command[i] = 0.0
+            robots.layer[i] = robots.index
+    return 0

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, read_attribute, shortened
 from mesa_swarm.base.streams import Streams
+from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
 from mesa_swarm.kernels.compiled import compiled
@@ -17,7 +18,7 @@ from mesa_swarm.kernels.part import Kernel, kernel_of
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.broadcasts import send_goals
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import limit_command, limit_length
+from mesa_swarm.robots.drive import clear_unused, limit_command, limit_length
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -40,7 +41,7 @@ class Arbiter:
 
     # Whether all active layers drive a robot together; else the one that won drives it alone.
     sums = False
-    # Rows of robots that another arbiter of a `Team` drives; None without a team.
+    # Which robots (n,) another arbiter of a `Team` drives; None without a team.
     others: np.ndarray | None = None
 
     def __init__(self, *layers: Layer) -> None:
@@ -151,7 +152,21 @@ class Arbiter:
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
         """Write the command (n, w) and the winning layer (n,) of every robot."""
+        self.kernel_for(senses, command, layer).run(0, len(layer))
+
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> Kernel:
+        """Return what decides on these columns, which calls the kernels of layers, and Python for those without."""
         raise NotImplementedError
+
+    def turns(self, senses: Senses, command: np.ndarray, layer: np.ndarray, first: Callable | None = None) -> "Turns":
+        """Return the turns of its layers, which write to these columns; `first` is done in Python before them."""
+        kernels = [kernel_of(part, "decide", senses, command, layer, k) for k, part in enumerate(self.layers)]
+
+        def decide(place: int) -> None:
+            self.layers[place].decide(senses, command, layer, place)
+
+        others = np.zeros(len(layer), np.bool_) if self.others is None else self.others
+        return Turns(kernels, decide, self.layers, others, first)
 
     def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return the reason that a layer gives, with what the arbiter adds; `row` holds a robot's columns `noted`."""
@@ -203,35 +218,214 @@ class Subsumption(Arbiter):
     ['Avoid', 'Explore']
     """
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the command (n, w) and the winning layer (n,) of every robot."""
-        command.fill(0.0)
-        self.clear(layer)
-        for index, part in enumerate(self.layers):
-            part.decide(senses, command, layer, index)
-
-    def kernels_of_layers(self, senses: Senses, swarm: Swarm) -> list[Kernel | None]:
-        """Return the kernel of each layer, None of those that have none."""
-        command, layer = swarm.columns["command"], swarm.columns["layer"]
-        return [kernel_of(part, "decide", senses, command, layer, index) for index, part in enumerate(self.layers)]
-
-    def kernel_for(self, senses: Senses, swarm: Swarm, sends: bool, attend: Callable[[int], None]) -> Kernel:
-        """Return what decides on these columns, where all layers have kernels."""
-        layers, columns = self.kernels_of_layers(senses, swarm), swarm.columns
-        calls = [Block(KernelCall(code_address(kernel.function), kernel.block)).numbers for kernel in layers if kernel]
-        arrays = {name: columns[name] for name in DecideArrays._fields if name in columns}
-        block = Block(DecideArrays(layers=np.array(calls), sideways=senses.sideways, sends=sends, **arrays))
-        return Kernel(decide_layers, block.numbers, (block, layers), attend)
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> Kernel:
+        """Return what decides on these columns."""
+        turns = self.turns(senses, command, layer)
+        return turns.kernel(subsume, SubsumeArrays(turns.arrays, command, layer))
 
 
-# The code that a kernel returns where a layer has commanded NaN.
-NAN = 1
+# What a function returns that decides where Python is due for the layer whose turn it is.
+DUE = 1
+# What `decide_layers` returns where a layer has commanded NaN.
+NAN = -1
+# Of the progress of a function that decides: the step that it has begun, the layer whose turn it is, and its state.
+BEGUN, PLACE, STATE = range(3)
+# The state of a layer whose turn it is: nothing is done yet, its arrays are prepared, Python has decided for it.
+NEW, PREPARED, DECIDED = range(3)
+
+
+class TurnArrays(NamedTuple):
+    """The layers that a function lets decide one after the other, and how far it is.
+
+    Parameters
+    ----------
+    calls : int64 ndarray, shape (k, 3)
+        Rows of `KernelCall`, zeros for layers that decide in Python.
+    others : bool ndarray, shape (n,)
+        Which robots another arbiter drives.
+    waits : bool
+        Whether Python is due before the first layer.
+    progress : int64 ndarray, shape (3,)
+        See `BEGUN`.
+    """
+
+    calls: IntegerRows
+    others: Flags
+    waits: bool
+    progress: Integers
+
+
+class Turns:
+    """Layers that decide one after the other: by kernels, and in Python, which is called between them where it is due.
+
+    Attributes
+    ----------
+    arrays : TurnArrays
+    python : list of str
+        What makes Python due.
+    """
+
+    def __init__(
+        self,
+        kernels: Sequence[Kernel | None],
+        decide: Callable[[int], None],
+        layers: Sequence[Any],
+        others: np.ndarray,
+        first: Callable[[], None] | None = None,
+    ) -> None:
+        blocks = [kernel and Block(KernelCall(code_address(kernel.function), kernel.block)) for kernel in kernels]
+        calls = np.zeros((len(kernels), 3), np.int64)
+        for place, block in enumerate(blocks):
+            if block is not None:
+                calls[place] = block.numbers
+        self.kernels, self.layers, self.decide, self.first = kernels, layers, decide, first
+        self.arrays = TurnArrays(calls, others, first is not None, np.array([-1, 0, NEW]))
+        self.python = [cause for kernel, layer in zip(kernels, layers, strict=True) for cause in _causes(kernel, layer)]
+
+    def kernel(self, function: Any, arguments: NamedTuple) -> Kernel:
+        """Return the kernel of a function that lets these layers decide."""
+        block = Block(arguments)
+        return Kernel(function, block.numbers, (self, block), self.attend)
+
+    def owners(self) -> Iterator[Any]:
+        """Iterate over layers and arbiters of whose attributes kernels are made; rules get theirs after a step."""
+        for kernel, layer in zip(self.kernels, self.layers, strict=True):
+            if kernel is not None or isinstance(layer, Behaviour):
+                yield layer
+            turns = kernel and _turns_of(kernel)
+            yield from turns.owners() if turns else ()
+
+    def attend(self, code: int) -> None:
+        """Do in Python what is due for the layer whose turn it is; after an error the next step begins anew."""
+        progress = self.arrays.progress
+        place = int(progress[PLACE])
+        kernel = self.kernels[place] if place >= 0 else None
+        try:
+            if kernel is not None:
+                kernel.attend(code)  # type: ignore[misc]
+                return
+            self.decide(place) if place >= 0 else self.first()  # type: ignore[misc]
+            progress[STATE] = DECIDED
+        except BaseException:
+            progress[BEGUN] = -1
+            raise
+
+
+def _causes(kernel: Kernel | None, layer: Any) -> list[str]:
+    """Return what makes Python due where a layer decides, or an arbiter of a team."""
+    if kernel is None:
+        return [getattr(layer, "name", type(layer).__name__)]
+    turns = _turns_of(kernel)
+    return turns.python if turns else []
+
+
+def _turns_of(kernel: Kernel) -> Turns | None:
+    """Return the turns of an arbiter's kernel, None of a layer's."""
+    turns = kernel.kept[0] if isinstance(kernel.kept, tuple) else None
+    return turns if isinstance(turns, Turns) else None
+
+
+@compiled
+def begin_turns(turns, step):
+    """Return whether a step begins, and prepare for it; else it goes on."""
+    progress = turns.progress
+    if progress[BEGUN] == step:
+        return False
+    progress[BEGUN], progress[PLACE], progress[STATE] = step, 0, NEW
+    if turns.waits:
+        progress[PLACE] = -1
+    return True
+
+
+@compiled
+def begin_turn(turns):
+    """Return whether nothing was done yet for the layer whose turn it is, and note that something is."""
+    is_new = turns.progress[STATE] == NEW
+    if is_new:
+        turns.progress[STATE] = PREPARED
+    return is_new
+
+
+@compiled
+def call_layer(turns, step, first, last):
+    """Let the layer whose turn it is decide, and return the code of its function, `DUE` where Python is to."""
+    progress = turns.progress
+    if progress[STATE] == DECIDED:
+        return 0
+    if progress[PLACE] < 0:
+        return DUE
+    call = unpack(turns.calls[progress[PLACE]], KernelCall)
+    return DUE if call.address == 0 else call_at(call.address, call.block, step, first, last)
+
+
+@compiled
+def end_turn(turns):
+    """Let it be the next layer's turn."""
+    turns.progress[PLACE] += 1
+    turns.progress[STATE] = NEW
+
+
+@compiled
+def clear_winners(turns, layer):
+    """Set the winning layer (n,) to -1 for robots that this arbiter drives, and to 0 for others, which layers skip."""
+    for i in range(layer.shape[0]):
+        layer[i] = 0 if turns.others[i] else -1
+
+
+class SubsumeArrays(NamedTuple):
+    """What `subsume` takes."""
+
+    turns: TurnArrays
+    command: RealRows
+    layer: Integers
+
+
+@compiled(nogil=True)
+def subsume(block, step, first, last):
+    """Let each layer decide on the robots that none before it drives."""
+    s = unpack(block, SubsumeArrays)
+    turns = s.turns
+    if begin_turns(turns, step):
+        s.command[:] = 0.0
+        clear_winners(turns, s.layer)
+    while turns.progress[PLACE] < turns.calls.shape[0]:
+        code = call_layer(turns, step, first, last)
+        if code:
+            return code
+        end_turn(turns)
+    turns.progress[BEGUN] = -1
+    return 0
+
+
+class Clearing(NamedTuple):
+    """A column that is set to a value before robots decide."""
+
+    column: Reals
+    value: float
 
 
 class DecideArrays(NamedTuple):
-    """What `decide_layers` takes: rows of `KernelCall` of layers, columns of the swarm, whether goals are sent."""
+    """What `decide_layers` takes.
 
-    layers: IntegerRows
+    Parameters
+    ----------
+    turns : TurnArrays
+        Of the arbiter, as of a layer.
+    cleared : int64 ndarray, shape (k, 3)
+        Rows of `Clearing`.
+    numbers : int64 ndarray, shape (d,)
+        How many numbers a command to robots of a design has.
+    sends : bool
+        Whether goals are sent.
+    task, goal, ... : ndarrays
+        Columns of the swarm, and whether designs go sideways.
+    """
+
+    turns: TurnArrays
+    cleared: IntegerRows
+    numbers: Integers
+    sends: bool
+    sideways: Flags
     task: Integers
     goal: RealRows
     last_command: RealRows
@@ -239,27 +433,46 @@ class DecideArrays(NamedTuple):
     layer: Integers
     max_speed: Reals
     design: Integers
-    sideways: Flags
-    sends: bool
     position: RealRows
     heading: Reals
     sent_goal: RealRows
 
 
+def kernel_of_stage(
+    arbiter: Any, senses: Senses, swarm: Swarm, cleared: Sequence[Clearing], sends: bool, refuse: Callable[[], None]
+) -> Kernel:
+    """Return what an arbiter decides and what is done before and after it; `refuse` raises an error for NaN."""
+    columns, table = swarm.columns, swarm.table
+    command, layer = columns["command"], columns["layer"]
+    kernels = [kernel_of(arbiter, "decide", senses, command, layer)]
+    turns = Turns(kernels, lambda place: arbiter.decide(senses, command, layer), [arbiter], np.empty(0, np.bool_))
+    blocks = [Block(clearing) for clearing in cleared]
+    rows = np.array([block.numbers for block in blocks], np.int64).reshape(-1, 3)
+    arrays = {name: columns[name] for name in DecideArrays._fields if name in columns}
+    arguments = DecideArrays(turns.arrays, rows, table.numbers, sends, table.sideways, **arrays)
+    kernel = turns.kernel(decide_layers, arguments)
+
+    def attend(code: int) -> None:
+        refuse() if code == NAN else turns.attend(code)
+
+    return kernel._replace(kept=(*kernel.kept, blocks), attend=attend)
+
+
 @compiled(nogil=True)
 def decide_layers(block, step, first, last):
-    """Let each layer of a `Subsumption` decide, limit what they command, and send goals: for all rows, as layers do."""
+    """Clear what was set before, let an arbiter decide, limit what it commands, and send goals: for all rows."""
     d = unpack(block, DecideArrays)
-    layers, command, layer = d.layers, d.command, d.layer
-    begin_decisions(d.task, d.goal, d.last_command, command)
-    for i in range(last):
-        layer[i] = -1
-        for w in range(command.shape[1]):
-            command[i, w] = 0.0
-    for k in range(layers.shape[0]):
-        call = unpack(layers[k], KernelCall)
-        call_at(call.address, call.block, step, first, last)
-    if limit_command(command, d.max_speed, d.design, d.sideways) >= 0:
+    if begin_turns(d.turns, step):
+        for k in range(d.cleared.shape[0]):
+            clearing = unpack(d.cleared[k], Clearing)
+            clearing.column[:] = clearing.value
+        begin_decisions(d.task, d.goal, d.last_command, d.command)
+    code = call_layer(d.turns, step, first, last)
+    if code:
+        return code
+    d.turns.progress[BEGUN] = -1
+    clear_unused(d.command, d.design, d.numbers)
+    if limit_command(d.command, d.max_speed, d.design, d.sideways) >= 0:
         return NAN
     if d.sends:
         send_goals(d.position, d.heading, d.goal, d.sent_goal)
@@ -318,17 +531,50 @@ class VectorSum(Arbiter):
             raise InvalidValueError(f"weights is {shortened(weights)}; expected {len(layers)} numbers, one a layer")
         self.weights = tuple(check_number("weight", weight, minimum=-HEAVIEST, maximum=HEAVIEST) for weight in values)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the summed command (n, w) and the layer with the largest share (n,) of every robot."""
-        layer_command, active, largest = np.empty_like(command), np.empty_like(layer), np.zeros(len(layer))
-        command.fill(0.0)
-        layer.fill(-1)
-        for index, (part, weight) in enumerate(zip(self.layers, self.weights, strict=True)):
-            layer_command.fill(0.0)
-            self.clear(active)
-            part.decide(senses, layer_command, active, index)
-            add_weighted(layer_command, active, weight, index, command, layer, largest)
-        slow_down(command, senses.max_speed, senses.design, senses.sideways)
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> Kernel:
+        """Return what decides on these columns."""
+        layer_command, active = np.empty_like(command), np.empty_like(layer)
+        turns, weights = self.turns(senses, layer_command, active), np.array(self.weights, float)
+        scratch = layer_command, active, np.empty(len(layer))
+        limits = senses.max_speed, senses.design, senses.sideways
+        return turns.kernel(sum_layers, SumArrays(turns.arrays, weights, *scratch, command, layer, *limits))
+
+
+class SumArrays(NamedTuple):
+    """What `sum_layers` takes: layers and their weights, what one commands, where it is active, the largest shares."""
+
+    turns: TurnArrays
+    weights: Reals
+    layer_command: RealRows
+    active: Integers
+    largest: Reals
+    command: RealRows
+    layer: Integers
+    max_speed: Reals
+    design: Integers
+    sideways: Flags
+
+
+@compiled(nogil=True)
+def sum_layers(block, step, first, last):
+    """Write the weighted sum of what all layers command, and the layer with the largest share of every robot."""
+    s = unpack(block, SumArrays)
+    turns = s.turns
+    if begin_turns(turns, step):
+        s.command[:], s.layer[:], s.largest[:] = 0.0, -1, 0.0
+    while turns.progress[PLACE] < turns.calls.shape[0]:
+        if begin_turn(turns):
+            s.layer_command[:] = 0.0
+            clear_winners(turns, s.active)
+        code = call_layer(turns, step, first, last)
+        if code:
+            return code
+        place = turns.progress[PLACE]
+        add_weighted(s.layer_command, s.active, s.weights[place], place, s.command, s.layer, s.largest)
+        end_turn(turns)
+    turns.progress[BEGUN] = -1
+    slow_down(s.command, s.max_speed, s.design, s.sideways)
+    return 0
 
 
 @compiled

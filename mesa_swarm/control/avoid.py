@@ -1,17 +1,16 @@
 """Avoid: turn away from what is near (thesis 5.2.2)."""
 
 from dataclasses import dataclass
-from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import check_choice, check_count, check_name, check_number
-from mesa_swarm.control.layer import Memoryless, Senses, kernel_with
+from mesa_swarm.control.layer import CompiledLayer, RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.part import Kernel
-from mesa_swarm.kernels.type_names import CodeRows, Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
+from mesa_swarm.kernels.type_names import Integers
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.robots.swarm import Swarm
@@ -23,13 +22,10 @@ LOADS = ("always", "never")
 FRONTS = ("tendency", "random", "back up")
 SIDES = ("last", "ignore both")
 LONGEST_MANOEUVRE = 1_000_000
-SENSED = attrgetter("distance", "kind", "hot", "max_speed", "design", "forward")
-# How many of the first arguments `avoid` and `back_up` have both.
-SHARED = 10
 
 
 @dataclass(frozen=True, kw_only=True)
-class Avoid(Memoryless):
+class Avoid(CompiledLayer):
     """Turn away when the front, left or right sensor sees something nearer than `distance`.
 
     Active when one of the three is activated. They are checked in the order front, left, right, and the
@@ -101,29 +97,18 @@ class Avoid(Memoryless):
             object.__setattr__(self, "_left", (swarm, f"{prefix}.left"))
             swarm.remember(f"{prefix}.left", (), np.int64, 0)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Turn the robots that are near something."""
-        arguments = self._arguments(senses, command, layer, index)
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "AvoidRule"]:
+        """Return what turns the robots that are near something."""
+        inner = -1.0 if self.turn == "stationary" else 0.0
+        near = float(self.distance), FIRES.index(self.fires), self.loads == "always", self.sides == "ignore both"
+        stream, left = NO_STREAM, np.empty(0, np.int64)
         if self.front == "random":
-            sides = np.where(self._rng.random(len(layer)) < 0.5, 1.0, -1.0)  # type: ignore[attr-defined]
-            arguments = arguments._replace(tendency=sides)
+            stream = stream_of(self._rng)  # type: ignore[attr-defined]
         if self.front == "back up":
             swarm, name = self._left  # type: ignore[attr-defined]
-            manoeuvre = self.back_steps + self.turn_steps, self.turn_steps, arguments.inner
-            back_up(*arguments[:SHARED], manoeuvre, swarm.columns[name], command, layer, index)
-        avoid(*arguments)
-
-    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
-        """Return what `decide` does, where that is without random numbers and memory."""
-        if self.front != "tendency":
-            return None
-        return kernel_with(avoid_all, self._arguments(senses, command, layer, index))
-
-    def _arguments(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> "AvoidArrays":
-        inner = -1.0 if self.turn == "stationary" else 0.0  # the inner wheel's share of speed in a turn
-        near = float(self.distance), FIRES.index(self.fires), self.loads == "always"
-        turn = self.sides == "ignore both", inner
-        return AvoidArrays(*(*SENSED(senses), senses.tendency, *near, *turn, command, layer, index))
+            left = swarm.columns[name]
+        steps = self.back_steps + self.turn_steps, self.turn_steps
+        return avoid, AvoidRule(robots, *near, inner, FRONTS.index(self.front), *steps, left, stream)
 
     def reason(self, moment: Moment) -> Reason:
         """Return which sensor decided: of those that were activated, the last of front, left, right."""
@@ -147,82 +132,105 @@ class Avoid(Memoryless):
         return [s for s in near if s == moment.forward[0]] if both else near
 
 
-class AvoidArrays(NamedTuple):
-    """The arguments of `avoid`, in its order."""
+class AvoidRule(NamedTuple):
+    """What `avoid` takes.
 
-    distance: RealRows
-    kind: CodeRows
-    hot: Flags
-    max_speed: Reals
-    design: Integers
-    forward: IntegerRows
-    tendency: Reals
+    Parameters
+    ----------
+    near : float
+    fires : int
+        Whether they are avoided, a place in `FIRES`.
+    loads, ignores_both : bool
+    inner : float
+        The inner wheel's share of speed in a turn.
+    front : int
+        What the front sensor does, a place in `FRONTS`.
+    steps, turn_steps : int
+        Of backing up and turning, and of turning alone.
+    left : int64 ndarray, shape (n,)
+        The steps that are left of these, of a layer that backs up.
+    stream : Stream
+        Of sides, of a layer that draws them.
+    """
+
+    robots: RobotColumns
     near: float
     fires: int
     loads: bool
     ignores_both: bool
     inner: float
-    command: RealRows
-    layer: Integers
-    place: int
+    front: int
+    steps: int
+    turn_steps: int
+    left: Integers
+    stream: Stream
+
+
+NO_STREAM = Stream(0, 0)
+RANDOM, BACK_UP = FRONTS.index("random"), FRONTS.index("back up")
 
 
 @compiled(nogil=True)
-def avoid_all(block, step, first, last):
-    """Do what `avoid` does, for all rows."""
-    avoid(*unpack(block, AvoidArrays))
+def avoid(block, step, first, last):
+    """Write the turns of robots that no earlier layer drives."""
+    rule = unpack(block, AvoidRule)
+    robots, near = rule.robots, rule.near
+    distance, kind, command, layer = robots.distance, robots.kind, robots.command, robots.layer
+    if rule.front == BACK_UP:
+        back_up(rule)
+    for i in range(layer.shape[0]):
+        tendency = robots.tendency[i]
+        if rule.front == RANDOM:  # drawn for all robots, also those that other layers drive
+            tendency = 1.0 if draw_number(rule.stream) < 0.5 else -1.0
+        if layer[i] >= 0:
+            continue
+        front, left, right = find_forward(robots.forward, robots.design[i])
+        fears_fire = rule.fires == 0 or (rule.fires == 2 and robots.hot[i])
+        turn = ahead = 0.0
+        if front >= 0 and is_activated(distance[i, front], kind[i, front], near, fears_fire, rule.loads):
+            turn = ahead = tendency
+        if left >= 0 and is_activated(distance[i, left], kind[i, left], near, fears_fire, rule.loads):
+            turn = -1.0
+        if right >= 0 and is_activated(distance[i, right], kind[i, right], near, fears_fire, rule.loads):
+            both = (
+                rule.ignores_both
+                and left >= 0
+                and is_activated(distance[i, left], kind[i, left], near, fears_fire, rule.loads)
+            )
+            turn = ahead if both else 1.0
+        if turn != 0.0:
+            write_turn(command, i, turn, robots.max_speed[i], rule.inner)
+            layer[i] = robots.index
     return 0
 
 
 @compiled
-def avoid(
-    distance, kind, hot, max_speed, design, forward, tendency, near, fires, loads, ignores_both, inner,
-    command, layer, index,
-):  # fmt: skip
-    """Write the turns of robots that no earlier layer drives; `inner` is the inner wheel's share of speed."""
-    for i in range(layer.shape[0]):
-        if layer[i] >= 0:
-            continue
-        d = design[i]
-        front, left, right = forward[d, 0], forward[d, 1], forward[d, 2]
-        fears_fire = fires == 0 or (fires == 2 and hot[i])
-        turn = ahead = 0.0
-        if front >= 0 and is_activated(distance[i, front], kind[i, front], near, fears_fire, loads):
-            turn = ahead = tendency[i]
-        if left >= 0 and is_activated(distance[i, left], kind[i, left], near, fears_fire, loads):
-            turn = -1.0
-        if right >= 0 and is_activated(distance[i, right], kind[i, right], near, fears_fire, loads):
-            both = (
-                ignores_both and left >= 0 and is_activated(distance[i, left], kind[i, left], near, fears_fire, loads)
-            )
-            turn = ahead if both else 1.0
-        if turn != 0.0:
-            write_turn(command, i, turn, max_speed[i], inner)
-            layer[i] = index
+def find_forward(forward, design):
+    """Return the front, left and right sensor of a design, -1 for none."""
+    return forward[design, 0], forward[design, 1], forward[design, 2]
 
 
 @compiled
-def back_up(
-    distance, kind, hot, max_speed, design, forward, tendency, near, fires, loads, manoeuvre, left,
-    command, layer, index,
-):  # fmt: skip
-    """Write the commands of robots that back up and turn; `manoeuvre` is its steps, those of the turn, and `inner`."""
-    steps, turn_steps, inner = manoeuvre
+def back_up(rule):
+    """Write the commands of robots that back up and turn."""
+    robots, left = rule.robots, rule.left
+    distance, kind, command, layer = robots.distance, robots.kind, robots.command, robots.layer
     for i in range(layer.shape[0]):
-        front = forward[design[i], 0]
+        front = robots.forward[robots.design[i], 0]
         if layer[i] >= 0:
             continue
-        fears_fire = fires == 0 or (fires == 2 and hot[i])
-        if left[i] == 0 and front >= 0 and is_activated(distance[i, front], kind[i, front], near, fears_fire, loads):
-            left[i] = steps
+        fears_fire = rule.fires == 0 or (rule.fires == 2 and robots.hot[i])
+        if front >= 0 and is_activated(distance[i, front], kind[i, front], rule.near, fears_fire, rule.loads):
+            left[i] = rule.steps if left[i] == 0 else left[i]
         if left[i] == 0:
             continue
-        if left[i] > turn_steps:
-            command[i, 0], command[i, 1] = -max_speed[i], -max_speed[i]
+        speed = robots.max_speed[i]
+        if left[i] > rule.turn_steps:
+            command[i, 0], command[i, 1] = -speed, -speed
         else:
-            write_turn(command, i, tendency[i], max_speed[i], inner)
+            write_turn(command, i, robots.tendency[i], speed, rule.inner)
         left[i] -= 1
-        layer[i] = index
+        layer[i] = robots.index
 
 
 @compiled

@@ -19,8 +19,19 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.control.custom_fields import RuleFields, check_memory
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.control.rule import PASS, Rule, columns_of, describe_expected, describe_failure, rule_of
+from mesa_swarm.control.rule import (
+    PASS,
+    RAISED,
+    OfKernel,
+    Rule,
+    columns_of,
+    describe_expected,
+    describe_failure,
+    rule_of,
+)
 from mesa_swarm.control.source import Read, own_randomness, uses_attribute, what_is_read
+from mesa_swarm.kernels.draws import Stream, stream_of
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.swarm import Swarm
 
 # Of which senses a rule has views, the views, and the fields that the model adds.
@@ -32,6 +43,8 @@ __all__ = ["PASS", "Behaviour", "behaviour"]
 NOT_AT_ONCE = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
 # Beyond this, floats do not represent all whole numbers.
 LARGEST_WHOLE = 2**53
+# Of a row of `FieldCopy`.
+COPY_NUMBERS = 7
 
 
 class Behaviour:
@@ -104,10 +117,36 @@ class Behaviour:
         """Apply the rule to every robot that no earlier layer drives."""
         if not len(layer):
             return
+        if self._rng is not None:
+            self._look(senses)[0][-1][:] = self._rng.random(len(layer))
+        self._apply(senses, command, layer, index)
+
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
+        """Return what `decide` does; None before the first step, in which the rule is compiled, and for plain rules."""
+        if self._version < 0 or not len(layer):
+            return None
+        columns, fields = self._look(senses)
+        blocks = fields.copies()
+        copies = np.array([block.numbers for block in blocks], np.int64).reshape(-1, COPY_NUMBERS)
+        draws = self._rng is not None
+        stream = stream_of(self._rng) if draws else Stream(0, 0)  # type: ignore[arg-type]
+        own = OfKernel(copies, columns[-1] if draws else np.empty(0), stream, np.array([-1]))
+        values = tuple(self.parameters.values())
+        kernel = self.rule.kernel_for(self._version, columns, fields, values, own, command, layer, index)
+
+        def attend(code: int) -> None:
+            if code == RAISED:  # as it does again, of which the error has the words
+                self._apply(senses, command, layer, index)
+            self._check_result(int(own.wrong[0]), command)
+
+        return kernel and kernel._replace(kept=[kernel.kept, blocks], attend=attend)
+
+    def _apply(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Apply the rule with the numbers that were drawn for this step."""
         at = np.array([-1])
         values = tuple(self.parameters.values())
         try:
-            columns, fields = self._columns(senses)
+            columns, fields = self._look(senses)
             fields.load()
             if self._version < 0:
                 self._read = self.read
@@ -118,6 +157,10 @@ class Behaviour:
             raise
         except Exception as error:
             raise self._refusal(at[0], describe_failure(error, self._numbers(at[0]))) from error
+        self._check_result(wrong, command)
+
+    def _check_result(self, wrong: int, command: np.ndarray) -> None:
+        """Raise an error for the robot for which the rule has returned what is no command, see `Rule.run`."""
         if wrong < -1:
             row = -2 - wrong
             raise self._refusal(row, f"returns a command of another drive; {describe_expected(self._numbers(row))}")
@@ -126,14 +169,13 @@ class Behaviour:
             speeds = ", ".join(f"{speed:g}" for speed in command[wrong, :numbers])
             raise self._refusal(wrong, f"returned ({speeds}); {describe_expected(numbers)}")
 
-    def _columns(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], RuleFields]:
+    def _look(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], RuleFields]:
         """Return what the rule may know; views are made again when robots are added or removed."""
         if self._views[0] is not senses:
-            unused = np.full(len(self._swarm), np.nan)
-            columns = (*columns_of(senses, self._swarm.designs), unused)
+            chances = np.full(len(self._swarm), np.nan)
+            columns = (*columns_of(senses, self._swarm.designs), chances)
             self._views = senses, columns, self._fields(senses)
-        _, arrays, fields = self._views
-        return (arrays if self._rng is None else (*arrays[:-1], self._rng.random(len(self._swarm)))), fields
+        return self._views[1], self._views[2]
 
     def _fields(self, senses: Senses) -> RuleFields:
         """Return what the model adds to `me`; only records that the rule uses, for they are copied in each step."""

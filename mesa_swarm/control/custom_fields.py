@@ -11,6 +11,9 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.control.limits import LARGEST_WHOLE, MemoryKindError
 from mesa_swarm.geometry.masked_arrays import fill_masked, holds_masked
+from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import ByteRows
 from mesa_swarm.robots.devices import check_identifier, reserve_names
 from mesa_swarm.world.read_only import locked_view
 
@@ -56,6 +59,34 @@ class Records:
         for name, column in self._columns.items():
             column[...] = self.array[name]
 
+    def copies(self) -> list[Block]:
+        """Return what copies each column to its field and back, as `copy_fields` takes it."""
+        rows, fields = len(self.array), self.array.dtype.fields or {}
+        records = self.array.view(np.uint8).reshape(rows, -1)
+        columns = {name: column.view(np.uint8).reshape(rows, -1) for name, column in self._columns.items()}
+        return [Block(FieldCopy(column, records, fields[name][1])) for name, column in columns.items()]
+
+
+class FieldCopy(NamedTuple):
+    """The bytes of a column, of the records, and where in these the field begins."""
+
+    column: ByteRows
+    records: ByteRows
+    offset: int
+
+
+@compiled
+def copy_fields(copies, loads):
+    """Copy columns to fields of records, or back where it does not load; `copies` are rows of `FieldCopy`."""
+    for k in range(copies.shape[0]):
+        copy = unpack(copies[k], FieldCopy)
+        for i in range(copy.column.shape[0]):
+            for b in range(copy.column.shape[1]):
+                if loads:
+                    copy.records[i, copy.offset + b] = copy.column[i, b]
+                else:
+                    copy.column[i, b] = copy.records[i, copy.offset + b]
+
 
 class RuleFields:
     """The values of the fields that a model adds for one rule."""
@@ -83,6 +114,10 @@ class RuleFields:
         """Write what the rule has written."""
         for records in self._records:
             records.store()
+
+    def copies(self) -> list[Block]:
+        """Return what copies columns to records and back."""
+        return [copy for records in self._records for copy in records.copies()]
 
 
 class RecordEntry:

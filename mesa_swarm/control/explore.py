@@ -2,22 +2,22 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import check_count, check_name, check_number
-from mesa_swarm.control.layer import Senses, kernel_with
+from mesa_swarm.control.layer import CompiledLayer, RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.part import Kernel
-from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
+from mesa_swarm.kernels.draws import Stream, draw_between, stream_of
+from mesa_swarm.kernels.type_names import Integers, Reals
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
 
 @dataclass(kw_only=True)
-class Explore:
+class Explore(CompiledLayer):
     """Drive straight on; always active.
 
     Parameters
@@ -39,7 +39,6 @@ class Explore:
     turn_interval: int = 0
     largest_turn_degrees: float = 180.0
     name: str = "Explore"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
@@ -54,21 +53,16 @@ class Explore:
             swarm.remember(f"{prefix}.straight", (), np.int64, 0)
             swarm.remember(f"{prefix}.turn", (), np.float64, 0.0)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that no other layer drives."""
-        if self.turn_interval:
-            columns, largest = self._swarm.columns, math.radians(self.largest_turn_degrees)
-            straight, turn = columns[f"{self._prefix}.straight"], columns[f"{self._prefix}.turn"]
-            turns = self._rng.uniform(-largest, largest, len(layer))
-            count_down(straight, turn, turns, self.turn_interval, layer)
-            turn_on_the_spot(turn, senses.radius, senses.max_speed, command, layer, index)
-        go_straight(senses.max_speed, float(self.speed), command, layer, index)
-
-    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
-        """Return what `decide` does where robots never turn by chance."""
-        if self.turn_interval:
-            return None
-        return kernel_with(go_straight_all, StraightArrays(senses.max_speed, float(self.speed), command, layer, index))
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, NamedTuple]:
+        """Return what drives the robots that no other layer drives, and turns them now and then if it is to."""
+        straight = StraightRule(robots, float(self.speed))
+        if not self.turn_interval:
+            return go_straight, straight
+        columns, largest = self._swarm.columns, math.radians(self.largest_turn_degrees)
+        memory = columns[f"{self._prefix}.straight"], columns[f"{self._prefix}.turn"]
+        turns = np.empty(len(robots.layer))
+        rule = TurningRule(straight, self.turn_interval, largest, *memory, turns, stream_of(self._rng))
+        return turn_now_and_then, rule
 
     def reason(self, moment: Moment) -> Reason:
         """Return whether it turns by chance."""
@@ -77,31 +71,70 @@ class Explore:
         return Reason("a random turn is due" if turns else "nothing else wants to drive")
 
 
-class StraightArrays(NamedTuple):
-    """The arguments of `go_straight`, in its order."""
+class StraightRule(NamedTuple):
+    """What `go_straight` takes: `share` of their largest speed is how fast robots go."""
 
-    max_speed: Reals
+    robots: RobotColumns
     share: float
-    command: RealRows
-    layer: Integers
-    place: int
+
+
+class TurningRule(NamedTuple):
+    """What `turn_now_and_then` takes.
+
+    Parameters
+    ----------
+    straight : StraightRule
+    interval : int
+        Steps from turn to turn.
+    largest : float
+        Turn, rad.
+    count : int64 ndarray, shape (n,)
+        Steps that each robot has driven straight.
+    turn, turns : ndarrays, shape (n,), rad
+        What remains of a turn, and those that are drawn in a step.
+    stream : Stream
+        Of turns.
+    """
+
+    straight: StraightRule
+    interval: int
+    largest: float
+    count: Integers
+    turn: Reals
+    turns: Reals
+    stream: Stream
 
 
 @compiled(nogil=True)
-def go_straight_all(block, step, first, last):
-    """Do what `go_straight` does, for all rows."""
-    go_straight(*unpack(block, StraightArrays))
+def go_straight(block, step, first, last):
+    """Drive straight on where no layer is active yet."""
+    drive_straight(unpack(block, StraightRule))
+    return 0
+
+
+@compiled(nogil=True)
+def turn_now_and_then(block, step, first, last):
+    """Drive straight on where no layer is active yet, and turn by chance after an interval."""
+    rule = unpack(block, TurningRule)
+    robots, turns = rule.straight.robots, rule.turns
+    for i in range(turns.shape[0]):
+        turns[i] = draw_between(rule.stream, -rule.largest, rule.largest)
+    count_down(rule.count, rule.turn, turns, rule.interval, robots.layer)
+    turn_on_the_spot(rule.turn, robots.radius, robots.max_speed, robots.command, robots.layer, robots.index)
+    drive_straight(rule.straight)
     return 0
 
 
 @compiled
-def go_straight(max_speed, share, command, layer, index):
-    """Drive straight on where no layer is active yet."""
+def drive_straight(rule):
+    """Command both wheels the same speed where no layer is active yet."""
+    robots = rule.robots
+    command, layer = robots.command, robots.layer
     for i in range(layer.shape[0]):
         if layer[i] < 0:
-            command[i, 0] = share * max_speed[i]
-            command[i, 1] = share * max_speed[i]
-            layer[i] = index
+            command[i, 0] = rule.share * robots.max_speed[i]
+            command[i, 1] = rule.share * robots.max_speed[i]
+            layer[i] = robots.index
 
 
 @compiled

@@ -7,13 +7,22 @@ from how the neighbours' perceived centroid moves.
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import check_choice, check_name, check_number
-from mesa_swarm.control.layer import Memoryless, Senses, centroids
+from mesa_swarm.control.layer import (
+    CompiledLayer,
+    Memoryless,
+    RobotColumns,
+    Senses,
+    perceive_centroid,
+    perceive_robots,
+)
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Integers, RealRows
 from mesa_swarm.physics.arcs import sinc
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -26,7 +35,7 @@ FEWEST = 3
 
 
 @dataclass(kw_only=True)
-class VelocityMatching:
+class VelocityMatching(CompiledLayer):
     """Base of layers that move as the neighbours do: it estimates the velocity of the visible centroid of each robot.
 
     The displacement m of the centroid between two steps, corrected for the command of the robot itself
@@ -38,7 +47,6 @@ class VelocityMatching:
     memory: float
     jump: float = 15.0
     name: str
-    commands_wheels: ClassVar[bool]
 
     def __post_init__(self) -> None:
         kind = type(self).__name__
@@ -54,19 +62,53 @@ class VelocityMatching:
         swarm.remember(f"{prefix}.seen", (), np.int64, 0)
         swarm.remember(f"{prefix}.compared", (), np.int64, 0)
 
-    def _update_estimates(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
-        """Take in this step's readings; return velocity (n, 2) in the robot's frame, and steps compared (n,)."""
-        centroid, count = centroids(senses)
-        columns = self._swarm.columns
-        before, velocity = columns[f"{self._prefix}.centroid"], columns[f"{self._prefix}.velocity"]
-        seen_before, compared = columns[f"{self._prefix}.seen"], columns[f"{self._prefix}.compared"]
-        share, jump = 1.0 / float(self.memory), float(self.jump)
+    def _tracking(self, robots: RobotColumns) -> "Tracking":
+        """Return what `track_robots` takes."""
+        columns, n = self._swarm.columns, len(robots.layer)
+        memory = [columns[f"{self._prefix}.{name}"] for name in ("centroid", "seen", "velocity", "compared")]
         # Commands of wheels turn the body, those forward and sideways do not.
-        track(
-            centroid, count, senses.last_command, senses.radius, self.commands_wheels, share, jump,
-            before, seen_before, velocity, compared,
-        )  # fmt: skip
-        return velocity, compared
+        rule = self.commands_wheels, 1.0 / float(self.memory), float(self.jump)
+        return Tracking(robots, *rule, np.empty((n, 2)), np.empty(n, np.int64), *memory)
+
+
+class Tracking(NamedTuple):
+    """What `track_robots` takes.
+
+    Parameters
+    ----------
+    robots : RobotColumns
+    commands_wheels : bool
+    least_weight, jump : float
+        The share of a step in the mean at least, and the longest displacement that counts.
+    centroid, count : ndarrays, shapes (n, 2), (n,)
+        What is seen in a step.
+    centroid_before, count_before : ndarrays, shapes (n, 2), (n,)
+        What was seen in the step before.
+    velocity, compared : ndarrays, shapes (n, 2), (n,)
+        The estimates, in the robot's frame, and how many steps in a row were compared.
+    """
+
+    robots: RobotColumns
+    commands_wheels: bool
+    least_weight: float
+    jump: float
+    centroid: RealRows
+    count: Integers
+    centroid_before: RealRows
+    count_before: Integers
+    velocity: RealRows
+    compared: Integers
+
+
+@compiled
+def track_robots(tracking):
+    """Take in this step's readings."""
+    t, robots = tracking, tracking.robots
+    perceive_robots(robots.distance, robots.kind, robots.sensors, robots.design, t.centroid, t.count)
+    track(
+        t.centroid, t.count, robots.last_command, robots.radius, t.commands_wheels, t.least_weight, t.jump,
+        t.centroid_before, t.count_before, t.velocity, t.compared,
+    )  # fmt: skip
 
 
 @compiled
@@ -142,23 +184,39 @@ class MatchVelocity(VelocityMatching):
     memory: float = 20.0
     slowest: float = 0.1
     name: str = "MatchVelocity"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_number("MatchVelocity's slowest", self.slowest, minimum=0, maximum=1)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that know how others move."""
-        velocity, compared = self._update_estimates(senses)
-        drive_arcs(
-            velocity, compared, FEWEST, float(self.slowest), senses.max_speed, senses.radius, command, layer, index
-        )
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "ArcRule"]:
+        """Return what drives the robots that know how others move."""
+        return match_velocities, ArcRule(self._tracking(robots), float(self.slowest))
 
     def reason(self, moment: Moment) -> Reason:
         """Return which robots it matches."""
         seeing = moment.seeing(ROBOT)
         return Reason(f"it matches the motion of the robots that {len(seeing)} of its sensors see", tuple(seeing))
+
+
+class ArcRule(NamedTuple):
+    """What `match_velocities` takes: `slowest` is the share of max_speed below which neighbours stand still."""
+
+    tracking: Tracking
+    slowest: float
+
+
+@compiled(nogil=True)
+def match_velocities(block, step, first, last):
+    """Take in this step's readings, and drive the robots that know how others move."""
+    rule = unpack(block, ArcRule)
+    t, robots = rule.tracking, rule.tracking.robots
+    track_robots(t)
+    drive_arcs(
+        t.velocity, t.compared, FEWEST, rule.slowest, robots.max_speed, robots.radius, robots.command, robots.layer,
+        robots.index,
+    )  # fmt: skip
+    return 0
 
 
 @compiled
@@ -211,13 +269,9 @@ class Separate(Memoryless):
         check_number("Separate's distance", self.distance, above=0, maximum=LARGEST_RANGE)
         check_choice("what", self.what, WHAT)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Write velocities away from what is near."""
-        kinds = WHAT.index(self.what)
-        separate_from(
-            senses.distance, senses.kind, senses.sensors, senses.design, senses.max_speed, float(self.distance), kinds,
-            command, layer, index,
-        )  # fmt: skip
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "SeparateRule"]:
+        """Return what writes velocities away from what is near."""
+        return separate_from, SeparateRule(robots, float(self.distance), WHAT.index(self.what))
 
     def reason(self, moment: Moment) -> Reason:
         """Return what is near."""
@@ -226,24 +280,36 @@ class Separate(Memoryless):
         return Reason("near: " + ", ".join(map(moment.reading, seeing)), tuple(seeing))
 
 
-@compiled
-def separate_from(distance, kind, sensors, design, max_speed, near, kinds, command, layer, index):
+class SeparateRule(NamedTuple):
+    """What `separate_from` takes: a distance, and a place in `WHAT`."""
+
+    robots: RobotColumns
+    near: float
+    what: int
+
+
+@compiled(nogil=True)
+def separate_from(block, step, first, last):
     """Write velocities away from what is nearer than `near`, of robots that are driven by no earlier layer."""
+    rule = unpack(block, SeparateRule)
+    robots, near = rule.robots, rule.near
+    distance, kind, sensors, layer = robots.distance, robots.kind, robots.sensors, robots.layer
     for i in range(layer.shape[0]):
         if layer[i] >= 0:
             continue
-        d, x, y, count = design[i], 0.0, 0.0, 0
+        d, x, y, count = robots.design[i], 0.0, 0.0, 0
         for s in range(distance.shape[1]):
-            is_meant = kinds == 2 or (kind[i, s] == ROBOT) == (kinds == 0)
+            is_meant = rule.what == 2 or (kind[i, s] == ROBOT) == (rule.what == 0)
             if kind[i, s] >= 0 and is_meant and distance[i, s] < near:
                 weight = 1.0 - distance[i, s] / near
                 x -= weight * sensors[d, s, AXIS_X]
                 y -= weight * sensors[d, s, AXIS_Y]
                 count += 1
         if count:
-            share = max_speed[i] / max(1.0, math.hypot(x, y))
-            command[i, 0], command[i, 1] = share * x, share * y
-            layer[i] = index
+            share = robots.max_speed[i] / max(1.0, math.hypot(x, y))
+            robots.command[i, 0], robots.command[i, 1] = share * x, share * y
+            layer[i] = robots.index
+    return 0
 
 
 @dataclass(kw_only=True)
@@ -269,15 +335,30 @@ class Align(VelocityMatching):
     name: str = "Align"
     commands_wheels: ClassVar[bool] = False
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Write the neighbours' velocities."""
-        velocity, compared = self._update_estimates(senses)
-        align(velocity, compared, FEWEST, senses.max_speed, command, layer, index)
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "AlignRule"]:
+        """Return what writes the neighbours' velocities."""
+        return align_robots, AlignRule(self._tracking(robots))
 
     def reason(self, moment: Moment) -> Reason:
         """Return which robots it matches."""
         seeing = moment.seeing(ROBOT)
         return Reason(f"it moves as the robots that {len(seeing)} of its sensors see", tuple(seeing))
+
+
+class AlignRule(NamedTuple):
+    """What `align_robots` takes."""
+
+    tracking: Tracking
+
+
+@compiled(nogil=True)
+def align_robots(block, step, first, last):
+    """Take in this step's readings, and write the neighbours' velocities."""
+    t = unpack(block, AlignRule).tracking
+    robots = t.robots
+    track_robots(t)
+    align(t.velocity, t.compared, FEWEST, robots.max_speed, robots.command, robots.layer, robots.index)
+    return 0
 
 
 @compiled
@@ -317,10 +398,9 @@ class Cohere(Memoryless):
         check_name("name", self.name)
         check_number("Cohere's distance", self.distance, above=0, maximum=LARGEST_RANGE)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Write velocities towards the centroid."""
-        centroid, count = centroids(senses)
-        cohere(centroid, count, senses.max_speed, float(self.distance), command, layer, index)
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "CohereRule"]:
+        """Return what writes velocities towards the centroid."""
+        return cohere, CohereRule(robots, float(self.distance))
 
     def reason(self, moment: Moment) -> Reason:
         """Return how far the centroid is."""
@@ -329,15 +409,27 @@ class Cohere(Memoryless):
         return Reason(f"the centroid of the robots it sees is {distance:.1f} away", tuple(seeing))
 
 
-@compiled
-def cohere(centroid, count, max_speed, near, command, layer, index):
+class CohereRule(NamedTuple):
+    """What `cohere` takes: centroids nearer than `near` are approached more slowly."""
+
+    robots: RobotColumns
+    near: float
+
+
+@compiled(nogil=True)
+def cohere(block, step, first, last):
     """Write velocities towards the centroid, of robots that are driven by no earlier layer."""
-    for i in range(layer.shape[0]):
-        if layer[i] >= 0 or count[i] == 0:
+    rule = unpack(block, CohereRule)
+    robots = rule.robots
+    for i in range(robots.layer.shape[0]):
+        if robots.layer[i] >= 0:
             continue
-        share = max_speed[i] / max(near, math.hypot(centroid[i, 0], centroid[i, 1]))
-        command[i, 0], command[i, 1] = share * centroid[i, 0], share * centroid[i, 1]
-        layer[i] = index
+        x, y, count = perceive_centroid(robots.distance, robots.kind, robots.sensors, robots.design, i)
+        if count:
+            share = robots.max_speed[i] / max(rule.near, math.hypot(x, y))
+            robots.command[i, 0], robots.command[i, 1] = share * x, share * y
+            robots.layer[i] = robots.index
+    return 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -363,26 +455,37 @@ class Cruise(Memoryless):
         check_name("name", self.name)
         check_number("Cruise's speed", self.speed, minimum=0, maximum=1)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Write velocities along the last command."""
-        cruise(senses.last_command, senses.max_speed, float(self.speed), command, layer, index)
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "CruiseRule"]:
+        """Return what writes velocities along the last command."""
+        return cruise, CruiseRule(robots, float(self.speed))
 
     def reason(self, moment: Moment) -> Reason:
         """Return that it is always active."""
         return Reason("it goes on as before")
 
 
-@compiled
-def cruise(last_command, max_speed, share, command, layer, index):
+class CruiseRule(NamedTuple):
+    """What `cruise` takes: a share of max_speed."""
+
+    robots: RobotColumns
+    share: float
+
+
+@compiled(nogil=True)
+def cruise(block, step, first, last):
     """Write velocities along the last command, of robots that are driven by no earlier layer."""
-    for i in range(layer.shape[0]):
-        if layer[i] >= 0:
+    rule = unpack(block, CruiseRule)
+    robots = rule.robots
+    for i in range(robots.layer.shape[0]):
+        if robots.layer[i] >= 0:
             continue
-        x, y = last_command[i, 0], last_command[i, 1]
+        x, y = robots.last_command[i, 0], robots.last_command[i, 1]
         length = math.hypot(x, y)
         if length > 0.0:
             x, y = x / length, y / length
         else:
             x, y = 1.0, 0.0
-        command[i, 0], command[i, 1] = share * max_speed[i] * x, share * max_speed[i] * y
-        layer[i] = index
+        speed = rule.share * robots.max_speed[i]
+        robots.command[i, 0], robots.command[i, 1] = speed * x, speed * y
+        robots.layer[i] = robots.index
+    return 0

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from mesa_swarm.base.errors import check_name, check_number
-from mesa_swarm.control.layer import Memoryless, Senses, find_nearest_ahead
+from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses, sensor_ahead
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -51,14 +51,11 @@ class Follow(Memoryless):
         check_number("chase_speed", self.chase_speed, minimum=0, maximum=1)
         check_number("cruise_speed", self.cruise_speed, minimum=0, maximum=1)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that see another ahead."""
-        nearest = np.empty(len(layer), np.int64)
-        find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
-        sensed = nearest, senses.distance, senses.bearing, senses.design, senses.max_speed, senses.radius
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "FollowRule"]:
+        """Return what drives the robots that see another ahead."""
         gap = math.inf if self.gap is None else float(self.gap)
         rule = math.radians(self.critical_angle_degrees), gap, float(self.chase_speed), float(self.cruise_speed)
-        follow_robots(*sensed, *rule, command, layer, index)
+        return follow_robots, FollowRule(robots, *rule)
 
     def reason(self, moment: Moment) -> Reason:
         """Return which robot it follows, and whether it must catch up."""
@@ -68,19 +65,33 @@ class Follow(Memoryless):
         return Reason(f"nearest robot ahead: {moment.name(seeing[0])} {reading:.1f}{far}", tuple(seeing))
 
 
-@compiled
-def follow_robots(
-    nearest, distance, bearing, design, max_speed, radius, critical_angle, gap, chase, cruise, command, layer, index
-):
+class FollowRule(NamedTuple):
+    """What `follow_robots` takes: an angle in rad, the gap, and shares of speed beyond it and within."""
+
+    robots: RobotColumns
+    critical_angle: float
+    gap: float
+    chase: float
+    cruise: float
+
+
+@compiled(nogil=True)
+def follow_robots(block, step, first, last):
     """Write the commands of robots that see another ahead and are driven by no earlier layer."""
+    rule = unpack(block, FollowRule)
+    robots = rule.robots
+    distance, bearing, command, layer = robots.distance, robots.bearing, robots.command, robots.layer
     for i in range(layer.shape[0]):
-        s = nearest[i]
-        if layer[i] >= 0 or s < 0:
+        if layer[i] >= 0:
             continue
-        towards = bearing[design[i], s]
-        if abs(towards) > critical_angle:
-            command[i, 0], command[i, 1] = turn_towards(towards, max_speed[i], radius[i])
+        s = sensor_ahead(distance, robots.kind, bearing, robots.design, i)
+        if s < 0:
+            continue
+        towards = bearing[robots.design[i], s]
+        if abs(towards) > rule.critical_angle:
+            command[i, 0], command[i, 1] = turn_towards(towards, robots.max_speed[i], robots.radius[i])
         else:
-            speed = max_speed[i] * (chase if distance[i, s] > gap else cruise)
+            speed = robots.max_speed[i] * (rule.chase if distance[i, s] > rule.gap else rule.cruise)
             command[i, 0], command[i, 1] = speed, speed
-        layer[i] = index
+        layer[i] = robots.index
+    return 0

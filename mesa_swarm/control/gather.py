@@ -2,13 +2,23 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.base.errors import InvalidValueError, check_name, check_number
-from mesa_swarm.control.layer import Memoryless, Senses, centroids, draw_once
+from mesa_swarm.base.errors import check_name, check_number
+from mesa_swarm.control.layer import (
+    CompiledLayer,
+    Memoryless,
+    RobotColumns,
+    Senses,
+    draw_numbers,
+    perceive_centroid,
+)
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import Stream, stream_of
+from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -46,13 +56,9 @@ class Gather(Memoryless):
         check_number("Gather's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
         check_number("stop_distance", self.stop_distance, minimum=0, maximum=LARGEST_RANGE)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Turn or stop the robots that see others."""
-        centroid, count = centroids(senses)
-        critical = math.radians(self.critical_angle_degrees)
-        gather_robots(
-            centroid, count, senses.max_speed, senses.radius, critical, float(self.stop_distance), command, layer, index
-        )
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "GatherRule"]:
+        """Return what turns or stops the robots that see others."""
+        return gather_robots, GatherRule(robots, math.radians(self.critical_angle_degrees), float(self.stop_distance))
 
     def reason(self, moment: Moment) -> Reason:
         """Return where the others were seen."""
@@ -62,23 +68,38 @@ class Gather(Memoryless):
         return Reason(f"the centroid of the robots it sees is {where}", tuple(seeing))
 
 
-@compiled
-def gather_robots(centroid, count, max_speed, radius, critical_angle, stop_distance, command, layer, index):
+class GatherRule(NamedTuple):
+    """What `gather_robots` takes; the angle in rad."""
+
+    robots: RobotColumns
+    critical_angle: float
+    stop_distance: float
+
+
+@compiled(nogil=True)
+def gather_robots(block, step, first, last):
     """Write the commands of robots that see others and are driven by no earlier layer."""
+    rule = unpack(block, GatherRule)
+    robots = rule.robots
+    command, layer = robots.command, robots.layer
     for i in range(layer.shape[0]):
-        if layer[i] >= 0 or count[i] == 0:
+        if layer[i] >= 0:
             continue
-        bearing = math.atan2(centroid[i, 1], centroid[i, 0])
-        if abs(bearing) > critical_angle:
-            command[i, 0], command[i, 1] = turn_towards(bearing, max_speed[i], radius[i])
-            layer[i] = index
-        elif math.hypot(centroid[i, 0], centroid[i, 1]) <= stop_distance:
+        x, y, count = perceive_centroid(robots.distance, robots.kind, robots.sensors, robots.design, i)
+        if count == 0:
+            continue
+        bearing = math.atan2(y, x)
+        if abs(bearing) > rule.critical_angle:
+            command[i, 0], command[i, 1] = turn_towards(bearing, robots.max_speed[i], robots.radius[i])
+            layer[i] = robots.index
+        elif math.hypot(x, y) <= rule.stop_distance:
             command[i, 0], command[i, 1] = 0.0, 0.0
-            layer[i] = index
+            layer[i] = robots.index
+    return 0
 
 
 @dataclass(kw_only=True)
-class Lead:
+class Lead(CompiledLayer):
     """Drive slowly straight on where no robot within range has a lower rank, so that the others move after it.
 
     Each robot draws a rank at random once, and broadcasts it: it needs ``communication = Radio(message=("rank",))``.
@@ -104,7 +125,6 @@ class Lead:
 
     speed: float = 0.3
     name: str = "Lead"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
@@ -115,29 +135,48 @@ class Lead:
         self._swarm, self._prefix, self._rng = swarm, prefix, rng
         swarm.remember(f"{prefix}.rank", (), np.float64, 0.0)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that lead."""
-        if "rank" not in senses.send:
-            raise InvalidValueError(
-                'Lead compares ranks, but robots broadcast none; set model.communication = Radio(message=("rank",))'
-            )
-        rank = draw_once(self._swarm.columns[f"{self._prefix}.rank"], self._rng)
-        np.copyto(senses.send["rank"], rank)
-        heard = senses.heard
-        lead(rank, heard["n"], heard["rank"], senses.max_speed, float(self.speed), command, layer, index)
+    def lacks(self, senses: Senses) -> str:
+        """Return that a message is missing."""
+        if "rank" in senses.send:
+            return ""
+        return 'Lead compares ranks, but robots broadcast none; set model.communication = Radio(message=("rank",))'
+
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "LeadRule"]:
+        """Return what drives the robots that lead."""
+        rank, heard = self._swarm.columns[f"{self._prefix}.rank"], senses.heard
+        messages = senses.send["rank"], heard["n"], heard["rank"]
+        return lead, LeadRule(robots, float(self.speed), rank, *messages, stream_of(self._rng))
 
     def reason(self, moment: Moment) -> Reason:
         """Return that it leads."""
         return Reason("no robot that it hears has a lower rank: it leads")
 
 
-@compiled
-def lead(rank, count, heard, max_speed, share, command, layer, index):
-    """Write the commands of robots that hear others, all of higher rank, and are driven by no earlier layer."""
-    for i in range(layer.shape[0]):
-        leads = layer[i] < 0 and count[i] > 0
-        for k in range(count[i]):
-            leads = leads and not heard[i, k] < rank[i]
+class LeadRule(NamedTuple):
+    """What `lead` takes: the share of speed, ranks of robots, what they send, and of how many they hear which."""
+
+    robots: RobotColumns
+    share: float
+    rank: Reals
+    sent: Reals
+    count: Integers
+    heard: RealRows
+    stream: Stream
+
+
+@compiled(nogil=True)
+def lead(block, step, first, last):
+    """Send ranks; drive the robots that hear others, all of higher rank, and are driven by no earlier layer."""
+    rule = unpack(block, LeadRule)
+    robots, rank = rule.robots, rule.rank
+    draw_numbers(rule.stream, rank)
+    for i in range(rank.shape[0]):
+        rule.sent[i] = rank[i]
+        leads = robots.layer[i] < 0 and rule.count[i] > 0
+        for k in range(rule.count[i]):
+            leads = leads and not rule.heard[i, k] < rank[i]
         if leads:
-            command[i, 0], command[i, 1] = share * max_speed[i], share * max_speed[i]
-            layer[i] = index
+            speed = rule.share * robots.max_speed[i]
+            robots.command[i, 0], robots.command[i, 1] = speed, speed
+            robots.layer[i] = robots.index
+    return 0

@@ -2,13 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.base.errors import InvalidValueError, check_choice, check_name, check_number
-from mesa_swarm.control.layer import Senses, draw_once, find_nearest_ahead
+from mesa_swarm.base.errors import check_choice, check_name, check_number
+from mesa_swarm.control.layer import CompiledLayer, RobotColumns, Senses, draw_numbers, find_nearest_ahead
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
+from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -24,7 +27,7 @@ AHEAD = math.radians(25.0)
 
 
 @dataclass(kw_only=True)
-class HeadOn:
+class HeadOn(CompiledLayer):
     """Turn round on the spot when another robot comes head-on, so that one leads and the other follows.
 
     By speed, without communication (10.2): both turn round, each at a random speed drawn for this encounter. The
@@ -85,7 +88,6 @@ class HeadOn:
     leader: str = "speed"
     tolerance: float = 6.0
     name: str = "HeadOn"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
@@ -106,38 +108,26 @@ class HeadOn:
         if self.leader != "speed":
             swarm.remember(f"{prefix}.number", (), np.float64, 0.0)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Turn the robots that meet another head-on."""
-        nearest = np.empty(len(layer), np.int64)
-        find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
-        columns = self._swarm.columns
-        memory = tuple(columns[f"{self._prefix}.{name}"] for name in ("front", "least", "speed", "left"))
-        sensed = nearest, senses.distance, senses.kind, senses.design, senses.forward, senses.last_command
-        robots = senses.max_speed, senses.radius, senses.tendency
-        limits = float(self.distance), float(self.margin), float(self.parting)
-        if self.leader == "speed":
-            draws = float(self.slowest) ** self._rng.random(len(layer))
-            meet_head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
-        else:
-            heard = self._exchange_numbers(senses, nearest)
-            rule = float(self.tolerance), self.leader == "chain"
-            lead_by_number(*sensed, *robots, *heard, *limits, *rule, *memory, command, layer, index)
+    def lacks(self, senses: Senses) -> str:
+        """Return that messages are missing, of a layer that decides by them."""
+        if self.leader == "speed" or set(NUMBERS) <= senses.send.keys():
+            return ""
+        return (
+            f"HeadOn decides by {self.leader}, but robots broadcast no numbers; set model.communication = "
+            f"Radio(message={NUMBERS})"
+        )
 
-    def _exchange_numbers(self, senses: Senses, nearest: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Send this robot's number and how far what it follows is; return what is heard, and the number sent."""
-        if not set(NUMBERS) <= senses.send.keys():
-            raise InvalidValueError(
-                f"HeadOn decides by {self.leader}, but robots broadcast no numbers; set model.communication = "
-                f"Radio(message={NUMBERS})"
-            )
-        number, heard = self._swarm.columns[f"{self._prefix}.number"], senses.heard
-        sent, follows = (senses.send[name] for name in NUMBERS)
-        draw_once(number, self._rng)
-        announce(
-            nearest, senses.distance, senses.radius, number, heard["n"], heard["range"], heard["bearing"],
-            heard["follows"], float(self.tolerance), sent, follows,
-        )  # fmt: skip
-        return heard["n"], heard["range"], heard["bearing"], heard["number"], heard["follows"], sent
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, NamedTuple]:
+        """Return what turns the robots that meet another head-on."""
+        columns, n = self._swarm.columns, len(robots.layer)
+        memory = [columns[f"{self._prefix}.{name}"] for name in ("front", "least", "speed", "left")]
+        limits = float(self.distance), float(self.margin), float(self.parting)
+        meeting = Meeting(robots, np.empty(n, np.int64), *limits, *memory, stream_of(self._rng))
+        if self.leader == "speed":
+            return meet_by_speed, SpeedRule(meeting, float(self.slowest), np.empty(n))
+        heard = [senses.heard[name] for name in ("n", "range", "bearing", *NUMBERS)]
+        numbers = columns[f"{self._prefix}.number"], *(senses.send[name] for name in NUMBERS), *heard
+        return meet_by_number, NumberRule(meeting, float(self.tolerance), self.leader == "chain", *numbers)
 
     def reason(self, moment: Moment) -> Reason:
         """Return which robot it meets."""
@@ -147,6 +137,94 @@ class HeadOn:
         waits = moment.command[0] == 0.0 == moment.command[1]
         does = "waits for that to turn round, and follows" if waits else "turns round to lead or to follow"
         return Reason(f"it met a robot head-on{sight}: it {does}", seeing)
+
+
+class Meeting(NamedTuple):
+    """What encounters take, whichever way it is decided who leads.
+
+    Parameters
+    ----------
+    robots : RobotColumns
+    nearest : int64 ndarray, shape (n,)
+        The sensor that sees the nearest robot ahead, -1 for none, as it is found in a step.
+    near, margin, parting : float
+        The layer's `distance`, `margin` and `parting`.
+    last_reading : ndarray, shape (n,)
+        The last reading ahead, -1 for no robot.
+    least, speed, angle_left : ndarrays, shape (n,)
+        Of an encounter, the least reading, the speed and the turn that is left (rad).
+    stream : Stream
+    """
+
+    robots: RobotColumns
+    nearest: Integers
+    near: float
+    margin: float
+    parting: float
+    last_reading: Reals
+    least: Reals
+    speed: Reals
+    angle_left: Reals
+    stream: Stream
+
+
+class SpeedRule(NamedTuple):
+    """What `meet_by_speed` takes: the least share of the largest speed, and where the shares of a step are drawn."""
+
+    meeting: Meeting
+    slowest: float
+    draws: Reals
+
+
+class NumberRule(NamedTuple):
+    """What `meet_by_number` takes: the layer's tolerance, robots' own numbers, what they send, and what they hear."""
+
+    meeting: Meeting
+    tolerance: float
+    by_chain: bool
+    number: Reals
+    sent: Reals
+    follows: Reals
+    count: Integers
+    distances: RealRows
+    bearing: RealRows
+    heard_numbers: RealRows
+    heard_follows: RealRows
+
+
+@compiled(nogil=True)
+def meet_by_speed(block, step, first, last):
+    """Turn the robots that meet another head-on, each at a speed of its own."""
+    rule = unpack(block, SpeedRule)
+    find_ahead(rule.meeting)
+    for i in range(rule.draws.shape[0]):
+        rule.draws[i] = rule.slowest ** draw_number(rule.meeting.stream)
+    m = rule.meeting
+    robots = m.robots
+    meet_head_on(
+        m.nearest, robots.distance, robots.kind, robots.design, robots.forward, robots.last_command, robots.max_speed,
+        robots.radius, robots.tendency, rule.draws, m.near, m.margin, m.parting, m.last_reading, m.least, m.speed,
+        m.angle_left, robots.command, robots.layer, robots.index,
+    )  # fmt: skip
+    return 0
+
+
+@compiled(nogil=True)
+def meet_by_number(block, step, first, last):
+    """Send this robot's number, and how far what it follows is; turn the robots that lead, and halt those that wait."""
+    rule = unpack(block, NumberRule)
+    find_ahead(rule.meeting)
+    draw_numbers(rule.meeting.stream, rule.number)
+    announce(rule)
+    lead_by_number(rule)
+    return 0
+
+
+@compiled
+def find_ahead(meeting):
+    """Find what is the nearest robot ahead of each."""
+    robots = meeting.robots
+    find_nearest_ahead(robots.distance, robots.kind, robots.bearing, robots.design, meeting.nearest)
 
 
 @compiled
@@ -175,50 +253,52 @@ def meet_head_on(
 
 
 @compiled
-def announce(nearest, distance, radius, number, count, distances, bearing, heard_follows, tolerance, sent, follows):
+def announce(rule):
     """Write what robots broadcast: their number, negative while another follows, and how far what they follow is."""
+    robots, nearest, bearing, distances = rule.meeting.robots, rule.meeting.nearest, rule.bearing, rule.distances
     for i in range(nearest.shape[0]):
         s = nearest[i]
-        follows[i] = distance[i, s] + 2.0 * radius[i] if s >= 0 else math.nan
-        sent[i] = number[i]
-        for k in range(count[i]):
+        rule.follows[i] = robots.distance[i, s] + 2.0 * robots.radius[i] if s >= 0 else math.nan
+        rule.sent[i] = rule.number[i]
+        for k in range(rule.count[i]):
             behind = abs(bearing[i, k]) > 0.5 * math.pi
-            if behind and abs(heard_follows[i, k] - distances[i, k]) < tolerance:
-                sent[i] = -number[i]
+            if behind and abs(rule.heard_follows[i, k] - distances[i, k]) < rule.tolerance:
+                rule.sent[i] = -rule.number[i]
 
 
 @compiled
-def lead_by_number(
-    nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, count, distances, bearing,
-    heard_numbers, heard_follows, sent, near, margin, parting, tolerance, by_chain, last_reading, least, speed,
-    angle_left, command, layer, index,
-):  # fmt: skip
+def lead_by_number(rule):
     """Begin, go on with and end encounters; a robot that turns round has a `speed` above 0, one that waits below."""
+    m = rule.meeting
+    robots, speed, least, angle_left = m.robots, m.speed, m.least, m.angle_left
+    command, layer = robots.command, robots.layer
     for i in range(layer.shape[0]):
-        f = forward[design[i], 0]
-        reading = distance[i, f] if f >= 0 and kind[i, f] == ROBOT else -1.0
+        f = robots.forward[robots.design[i], 0]
+        reading = robots.distance[i, f] if f >= 0 and robots.kind[i, f] == ROBOT else -1.0
         if speed[i] != 0.0:
             if reading >= 0.0:
                 least[i] = min(least[i], reading)
-            if angle_left[i] <= 0.0 or (speed[i] < 0.0 and reading > least[i] + parting):
+            if angle_left[i] <= 0.0 or (speed[i] < 0.0 and reading > least[i] + m.parting):
                 speed[i] = 0.0
-        elif 0.0 <= reading < near and last_reading[i] >= 0.0 and layer[i] < 0:
-            own = 0.5 * (last_command[i, 0] + last_command[i, 1])
-            if last_reading[i] - reading > own + margin * max_speed[i]:
-                far = reading + 2.0 * radius[i]
+        elif 0.0 <= reading < m.near and m.last_reading[i] >= 0.0 and layer[i] < 0:
+            own = 0.5 * (robots.last_command[i, 0] + robots.last_command[i, 1])
+            if m.last_reading[i] - reading > own + m.margin * robots.max_speed[i]:
+                far = reading + 2.0 * robots.radius[i]
                 other = number_ahead(
-                    count[i], distances[i], bearing[i], heard_numbers[i], heard_follows[i], far, tolerance
-                )
-                role = who_turns(sent[i], other, by_chain)
+                    rule.count[i], rule.distances[i], rule.bearing[i], rule.heard_numbers[i], rule.heard_follows[i],
+                    far, rule.tolerance,
+                )  # fmt: skip
+                role = who_turns(rule.sent[i], other, rule.by_chain)
                 # One that waits does so for as long as the other needs to turn round.
-                speed[i], angle_left[i], least[i] = role * max_speed[i], math.pi, reading
-        last_reading[i] = reading
+                speed[i], angle_left[i], least[i] = role * robots.max_speed[i], math.pi, reading
+        m.last_reading[i] = reading
         if speed[i] != 0.0 and layer[i] < 0:
-            left_wheel, right_wheel = turn_towards(tendency[i] * angle_left[i], max_speed[i], radius[i])
+            turn, radius = robots.tendency[i] * angle_left[i], robots.radius[i]
+            left_wheel, right_wheel = turn_towards(turn, robots.max_speed[i], radius)
             waits = speed[i] < 0.0
             command[i, 0], command[i, 1] = (0.0, 0.0) if waits else (left_wheel, right_wheel)
-            angle_left[i] -= abs(right_wheel) / radius[i]
-            layer[i] = index
+            angle_left[i] -= abs(right_wheel) / radius
+            layer[i] = robots.index
 
 
 @compiled

@@ -6,13 +6,26 @@ error is part of the model (PHYSICS 3).
 
 import math
 from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import draw_number
 from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import (
+    CodeRows,
+    FlagRows,
+    Flags,
+    IntegerRows,
+    Integers,
+    RealRows,
+    Reals,
+    RealTables,
+)
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.robots.swarm import Swarm
@@ -101,7 +114,8 @@ class Senses:
         names = {sense.name for sense in fields(cls)}
         columns: dict[str, Any] = {name: column for name, column in swarm.columns.items() if name in names}
         of_designs: dict[str, Any] = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
-        of_designs["radiation_bearing"] = np.arctan2(table.radiation[..., AXIS_Y], table.radiation[..., AXIS_X])
+        bearing = np.arctan2(table.radiation[..., AXIS_Y], table.radiation[..., AXIS_X])
+        of_designs["radiation_bearing"] = np.ascontiguousarray(bearing)
         more: dict[str, Any] = {"own": {name: swarm.columns[name] for name in table.readings}}
         for group in ("act", "send", "heard"):
             first = f"{group}."
@@ -116,16 +130,16 @@ class Layer(Protocol):
     """One rule of a subsumption, for all robots at once.
 
     A rule about one robot is written more simply with `behaviour`. A custom layer is a class with
-    these two; see `Explore`, which remembers something, and `Avoid`, which does not. It may have a third,
-    ``reason(moment) -> Reason``, why it drove a robot (`SwarmModel.explain`), and a fourth, ``unbind()``,
-    which is called before another control takes the place of the one that it is in, and all columns are dropped.
+    these two. It may have a third, ``reason(moment) -> Reason``, why it drove a robot (`SwarmModel.explain`), and a
+    fourth, ``unbind()``, which is called before another control takes the place of the one that it is in, and all
+    columns are dropped.
     It may declare what it commands: ``commands_wheels`` is True for speeds of wheels left and right, False for speeds
     forward and sideways. It is then refused for robots with a drive of the other kind. ``numbers`` is how many numbers
     of a command it writes, 2 by default: it is refused for drives that take more or fewer. A layer for drives of all
     kinds declares None.
 
-    A layer whose `decide` only calls a compiled function may return that with its arguments by
-    ``kernel_for(senses, command, layer, index)``, a `mesa_swarm.kernels.part.Kernel`, or None; see `Avoid`.
+    A layer that derives from `CompiledLayer` has, instead of `decide`, a compiled function with its arguments; see
+    `Explore`, which remembers something, and `Avoid`.
     """
 
     @property
@@ -142,25 +156,102 @@ class Layer(Protocol):
         """
 
 
+class RobotColumns(NamedTuple):
+    """What compiled layers know of robots, see `Senses`, and what they write; `index` is the layer's own."""
+
+    distance: RealRows
+    kind: CodeRows
+    radiation: RealRows
+    line: FlagRows
+    temperature: Reals
+    heat: Reals
+    hot: Flags
+    fire: Integers
+    last_command: RealRows
+    radius: Reals
+    max_speed: Reals
+    tendency: Reals
+    task: Integers
+    goal: RealRows
+    heard_layer: Integers
+    heard_task: Integers
+    heard_from: RealRows
+    heard_goal: RealRows
+    design: Integers
+    forward: IntegerRows
+    sensors: RealTables
+    bearing: RealRows
+    radiation_bearing: RealRows
+    command: RealRows
+    layer: Integers
+    index: int
+
+
+SENSED = attrgetter(*RobotColumns._fields[: RobotColumns._fields.index("command")])
+
+
+def columns_for(senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> RobotColumns:
+    """Return the columns of senses, and what a layer writes."""
+    return RobotColumns(*SENSED(senses), command, layer, index)
+
+
 def kernel_with(function: Any, arguments: NamedTuple) -> Kernel:
     """Return the kernel of a function and a block of these arguments."""
     block = Block(arguments)
     return Kernel(function, block.numbers, block)
 
 
-class Memoryless:
-    """Base of layers that remember nothing and command the wheels left and right; others override `commands_wheels`."""
+class CompiledLayer:
+    """Base of layers that are one compiled function, which decides for all rows of robots.
 
-    commands_wheels: ClassVar[bool] = True
+    `arguments` returns the function, ``int64 f(block, step, first, last)``, and the named tuple of what its block
+    holds, of which the first is `RobotColumns`.
+    """
+
+    commands_wheels: ClassVar[bool | None] = True
+
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, NamedTuple]:
+        """Return the compiled function, and what its block holds; of `senses` only what `robots` lacks, as messages."""
+        raise NotImplementedError
+
+    def lacks(self, senses: Senses) -> str:
+        """Return what is missing in the model, and what to do, as the text of an error; "" for nothing."""
+        return ""
+
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
+        """Return what decides on these columns, None where something is missing for it."""
+        if self.lacks(senses):
+            return None
+        return kernel_with(*self.arguments(columns_for(senses, command, layer, index), senses))
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Write the commands of robots that no other layer drives, and the index of the layer, by the kernel.
+
+        Raises
+        ------
+        InvalidValueError
+            If something is missing in the model that the layer needs.
+        """
+        kernel = self.kernel_for(senses, command, layer, index)
+        if kernel is None:
+            raise InvalidValueError(self.lacks(senses))
+        kernel.run(0, len(layer))
+
+
+class Memoryless(CompiledLayer):
+    """Base of layers that remember nothing and command the wheels left and right; others override `commands_wheels`."""
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Remember nothing."""
 
 
-def draw_once(number: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw a number in (0, 1] for each robot that has none yet, which is 0, in place; return all of them."""
-    np.copyto(number, 1.0 - rng.random(len(number)), where=number == 0.0)
-    return number
+@compiled
+def draw_numbers(stream, number):
+    """Draw a number in (0, 1] for each robot, and store it for those that have none yet, which is 0."""
+    for i in range(number.shape[0]):
+        drawn = 1.0 - draw_number(stream)
+        if number[i] == 0.0:
+            number[i] = drawn
 
 
 def centroids(senses: Senses) -> tuple[np.ndarray, np.ndarray]:
@@ -179,15 +270,21 @@ def centroids(senses: Senses) -> tuple[np.ndarray, np.ndarray]:
 def perceive_robots(distance, kind, sensors, design, centroid, counts):
     """Write the mean reconstructed position (n, 2) of what sees a robot, and the number of such sensors (n,)."""
     for i in range(distance.shape[0]):
-        d, count, x, y = design[i], 0, 0.0, 0.0
-        for s in range(distance.shape[1]):
-            if kind[i, s] == ROBOT:
-                count += 1
-                x += sensors[d, s, MOUNT_X] + distance[i, s] * sensors[d, s, AXIS_X]
-                y += sensors[d, s, MOUNT_Y] + distance[i, s] * sensors[d, s, AXIS_Y]
-        counts[i] = count
-        centroid[i, 0] = x / count if count else 0.0
-        centroid[i, 1] = y / count if count else 0.0
+        centroid[i, 0], centroid[i, 1], counts[i] = perceive_centroid(distance, kind, sensors, design, i)
+
+
+@compiled
+def perceive_centroid(distance, kind, sensors, design, i):
+    """Return the mean reconstructed position of what robot i sees of robots, 0 for none, and by how many sensors."""
+    d, count, x, y = design[i], 0, 0.0, 0.0
+    for s in range(distance.shape[1]):
+        if kind[i, s] == ROBOT:
+            count += 1
+            x += sensors[d, s, MOUNT_X] + distance[i, s] * sensors[d, s, AXIS_X]
+            y += sensors[d, s, MOUNT_Y] + distance[i, s] * sensors[d, s, AXIS_Y]
+    if not count:
+        return 0.0, 0.0, 0
+    return x / count, y / count, count
 
 
 @compiled
@@ -202,19 +299,25 @@ def nearest_of(distance, kind, i, target):
 
 @compiled
 def find_nearest_ahead(distance, kind, bearing, design, nearest):
-    """Write which sensor with |bearing| < 90 degrees sees the nearest robot (n,), -1 if none does (5.2, corrected).
+    """Write which sensor with |bearing| < 90 degrees sees the nearest robot (n,), -1 if none does (5.2, corrected)."""
+    for i in range(distance.shape[0]):
+        nearest[i] = sensor_ahead(distance, kind, bearing, design, i)
+
+
+@compiled
+def sensor_ahead(distance, kind, bearing, design, i):
+    """Return which sensor of robot i sees the nearest robot ahead, -1 if none does.
 
     Of equal distances the sensor that looks more nearly ahead counts, then the first.
     """
-    for i in range(distance.shape[0]):
-        d, best = design[i], -1
-        for s in range(distance.shape[1]):
-            if kind[i, s] != ROBOT or abs(bearing[d, s]) >= 0.5 * math.pi - 1e-9:
-                continue
-            if (
-                best < 0
-                or distance[i, s] < distance[i, best]
-                or (distance[i, s] == distance[i, best] and abs(bearing[d, s]) < abs(bearing[d, best]))
-            ):
-                best = s
-        nearest[i] = best
+    d, best = design[i], -1
+    for s in range(distance.shape[1]):
+        if kind[i, s] != ROBOT or abs(bearing[d, s]) >= 0.5 * math.pi - 1e-9:
+            continue
+        if (
+            best < 0
+            or distance[i, s] < distance[i, best]
+            or (distance[i, s] == distance[i, best] and abs(bearing[d, s]) < abs(bearing[d, best]))
+        ):
+            best = s
+    return best

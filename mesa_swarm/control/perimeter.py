@@ -2,13 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import check_name, check_number
-from mesa_swarm.control.layer import Senses, centroids
+from mesa_swarm.control.layer import CompiledLayer, RobotColumns, Senses, perceive_centroid
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Flags
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -17,7 +19,7 @@ from mesa_swarm.world.statics import ROBOT
 
 
 @dataclass(kw_only=True)
-class Perimeter:
+class Perimeter(CompiledLayer):
     """Go to the ring at a distance around the perceived centroid, stay on it, and turn outwards there.
 
     Farther out than the ring the robot drives towards the centroid of the robots that it sees, farther in it
@@ -44,7 +46,6 @@ class Perimeter:
     tolerance: float = 4.0
     critical_angle_degrees: float = 15.0
     name: str = "Perimeter"
-    commands_wheels: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
@@ -57,15 +58,10 @@ class Perimeter:
         self._swarm, self._settled = swarm, f"{prefix}.settled"
         swarm.remember(self._settled, (), np.bool_, False)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that see others."""
-        centroid, count = centroids(senses)
-        critical = math.radians(self.critical_angle_degrees)
-        ring, tolerance = float(self.ring), float(self.tolerance)
-        rests = self._swarm.columns[self._settled]
-        keep_ring(
-            centroid, count, senses.max_speed, senses.radius, ring, tolerance, critical, rests, command, layer, index
-        )
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "RingRule"]:
+        """Return what drives the robots that see others."""
+        rule = float(self.ring), float(self.tolerance), math.radians(self.critical_angle_degrees)
+        return keep_ring, RingRule(robots, *rule, self._swarm.columns[self._settled])
 
     def reason(self, moment: Moment) -> Reason:
         """Return how far the centroid is, and on which side of the ring the robot is."""
@@ -80,22 +76,36 @@ class Perimeter:
         return Reason(words, tuple(seeing))
 
 
-@compiled
-def keep_ring(centroid, count, max_speed, radius, ring, tolerance, critical_angle, rests, command, layer, index):
+class RingRule(NamedTuple):
+    """What `keep_ring` takes: distances, an angle in rad, and which robots have settled on the ring."""
+
+    robots: RobotColumns
+    ring: float
+    tolerance: float
+    critical_angle: float
+    rests: Flags
+
+
+@compiled(nogil=True)
+def keep_ring(block, step, first, last):
     """Write the commands of robots that see others and are driven by no earlier layer."""
+    rule = unpack(block, RingRule)
+    robots, rests, tolerance = rule.robots, rule.rests, rule.tolerance
+    command, layer = robots.command, robots.layer
     for i in range(layer.shape[0]):
-        if layer[i] >= 0 or count[i] == 0:
+        x, y, count = perceive_centroid(robots.distance, robots.kind, robots.sensors, robots.design, i)
+        if layer[i] >= 0 or count == 0:
             rests[i] = False
             continue
-        x, y = centroid[i, 0], centroid[i, 1]
         distance = math.hypot(x, y)
-        rests[i] = abs(distance - ring) <= (2.0 * tolerance if rests[i] else tolerance)
+        rests[i] = abs(distance - rule.ring) <= (2.0 * tolerance if rests[i] else tolerance)
         # Towards the centroid from outside the ring, else away from it.
-        towards = 1.0 if distance > ring and not rests[i] else -1.0
+        towards = 1.0 if distance > rule.ring and not rests[i] else -1.0
         bearing = math.atan2(towards * y, towards * x)
-        layer[i] = index
-        if abs(bearing) > critical_angle:
-            command[i, 0], command[i, 1] = turn_towards(bearing, max_speed[i], radius[i])
+        layer[i] = robots.index
+        if abs(bearing) > rule.critical_angle:
+            command[i, 0], command[i, 1] = turn_towards(bearing, robots.max_speed[i], robots.radius[i])
         else:
-            speed = 0.0 if rests[i] else max_speed[i]
+            speed = 0.0 if rests[i] else robots.max_speed[i]
             command[i, 0], command[i, 1] = speed, speed
+    return 0

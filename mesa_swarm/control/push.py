@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import check_choice, check_name, check_number
-from mesa_swarm.control.layer import Memoryless, Senses, nearest_of
+from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses, nearest_of
 from mesa_swarm.geometry.overlap import wrap_angle
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -57,11 +59,10 @@ class Push(Memoryless):
         check_number("clearance", self.clearance, minimum=0, maximum=LARGEST_RANGE)
         check_number("Push's critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that see a load."""
-        sensed = senses.distance, senses.kind, senses.bearing, senses.design, senses.heard_goal
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "PushRule"]:
+        """Return what drives the robots that see a load."""
         rule = self.side == "anywhere", float(self.clearance), math.radians(self.critical_angle_degrees)
-        push(*sensed, senses.max_speed, senses.radius, senses.tendency, *rule, command, layer, index)
+        return push, PushRule(robots, *rule)
 
     def reason(self, moment: Moment) -> Reason:
         """Return whether it pushes or goes round, and why."""
@@ -74,23 +75,34 @@ class Push(Memoryless):
         return Reason(f"{moment.reading(seeing[0])}; {why}", tuple(seeing))
 
 
-@compiled
-def push(
-    distance, kind, bearing, design, heard_goal, max_speed, radius, tendency, anywhere, clearance, critical_angle,
-    command, layer, index,
-):  # fmt: skip
+class PushRule(NamedTuple):
+    """What `push` takes: whether from any side, the distance to hold while going round a load, an angle in rad."""
+
+    robots: RobotColumns
+    anywhere: bool
+    clearance: float
+    critical_angle: float
+
+
+@compiled(nogil=True)
+def push(block, step, first, last):
     """Write the commands of robots that see a load and are driven by no earlier layer."""
+    rule = unpack(block, PushRule)
+    robots = rule.robots
+    distance, command, layer = robots.distance, robots.command, robots.layer
     for i in range(layer.shape[0]):
         if layer[i] >= 0:
             continue
-        nearest = nearest_of(distance, kind, i, LOAD)
+        nearest = nearest_of(distance, robots.kind, i, LOAD)
         if nearest < 0:
             continue
-        towards = bearing[design[i], nearest]
-        if not anywhere and not math.isnan(heard_goal[i, 0]):
-            towards = way_round(towards, distance[i, nearest], clearance, tendency[i])
-        command[i, 0], command[i, 1] = approach(towards, critical_angle, max_speed[i], radius[i])
-        layer[i] = index
+        towards = robots.bearing[robots.design[i], nearest]
+        if not rule.anywhere and not math.isnan(robots.heard_goal[i, 0]):
+            towards = way_round(towards, distance[i, nearest], rule.clearance, robots.tendency[i])
+        speed, radius = robots.max_speed[i], robots.radius[i]
+        command[i, 0], command[i, 1] = approach(towards, rule.critical_angle, speed, radius)
+        layer[i] = robots.index
+    return 0
 
 
 @compiled

@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from mesa_swarm.base.errors import check_choice, check_name, check_number
-from mesa_swarm.control.layer import Memoryless, Senses
+from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import RealRows
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -59,12 +60,11 @@ class Respond(Memoryless):
         check_number("near", self.near, minimum=0, maximum=LARGEST_RANGE)
         check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that were called."""
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "RespondRule"]:
+        """Return what drives the robots that were called."""
         target = senses.heard_from if self.to == "state" else senses.heard_goal
-        robots = senses.hot, senses.fire, senses.max_speed, senses.radius
         critical = math.radians(self.critical_angle_degrees)
-        respond_to_fires(target, *robots, float(self.near), critical, command, layer, index)
+        return respond_to_fires, RespondRule(robots, target, float(self.near), critical)
 
     def reason(self, moment: Moment) -> Reason:
         """Return where the call came from."""
@@ -73,13 +73,27 @@ class Respond(Memoryless):
         return Reason(f"it heard of {'a robot at work' if self.to == 'state' else 'a goal'} {where}")
 
 
-@compiled
-def respond_to_fires(target, hot, fire, max_speed, radius, near, critical_angle, command, layer, index):
-    """Write the commands of robots that no earlier layer drives; `target` (n, 2) is NaN without a call."""
+class RespondRule(NamedTuple):
+    """What `respond_to_fires` takes: where each robot is called to, NaN without a call; a distance, an angle in rad."""
+
+    robots: RobotColumns
+    target: RealRows
+    near: float
+    critical_angle: float
+
+
+@compiled(nogil=True)
+def respond_to_fires(block, step, first, last):
+    """Write the commands of robots that were called and that no earlier layer drives."""
+    rule = unpack(block, RespondRule)
+    robots, target = rule.robots, rule.target
+    command, layer = robots.command, robots.layer
     for i in range(layer.shape[0]):
-        if layer[i] >= 0 or hot[i] or fire[i] >= 0:
+        if layer[i] >= 0 or robots.hot[i] or robots.fire[i] >= 0:
             continue
         x, y = target[i, 0], target[i, 1]
-        if math.hypot(x, y) > near:
-            layer[i] = index
-            command[i, 0], command[i, 1] = approach(math.atan2(y, x), critical_angle, max_speed[i], radius[i])
+        if math.hypot(x, y) > rule.near:
+            layer[i] = robots.index
+            bearing, speed = math.atan2(y, x), robots.max_speed[i]
+            command[i, 0], command[i, 1] = approach(bearing, rule.critical_angle, speed, robots.radius[i])
+    return 0

@@ -7,16 +7,25 @@ import sys
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, reduce
+from hashlib import blake2b
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import literal_unroll, njit, types
+from numba import literal_unroll, njit, typeof, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
 from mesa_swarm.base.errors import BehaviourError, shortened, unknown_name
-from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, fields_used, plain_arrays, record_of
+from mesa_swarm.control.custom_fields import (
+    FieldForm,
+    RecordEntry,
+    RuleFields,
+    copy_fields,
+    fields_used,
+    plain_arrays,
+    record_of,
+)
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.limits import (
     MOST_LOOPS,
@@ -32,8 +41,12 @@ from mesa_swarm.control.limits import (
     uncompile,
 )
 from mesa_swarm.control.source import Read
-from mesa_swarm.kernels.custom_code import rename_function, store_on_disk
+from mesa_swarm.kernels.block import pack, unpack_as
+from mesa_swarm.kernels.custom_code import CustomCode, rename_function, store_on_disk
 from mesa_swarm.kernels.digests import digest_function
+from mesa_swarm.kernels.draws import Stream, draw_number
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import name_type
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import reserve_names, warn_of_plain
 from mesa_swarm.robots.drive import speeds_in_words
@@ -194,8 +207,46 @@ def run(columns, values, at, command, layer, index):
     return -1
 """
 
+# The same as a kernel, see `OfKernel`: an error of the rule is a code, and the rule is run anew to raise it.
+KERNEL = """
+def run_rule(block, step, first, last):
+    columns, values, at, command, layer, index, own = take_block(block)
+    for i in range(own.chance.shape[0]):
+        own.chance[i] = draw_number(own.stream)
+    copy_fields(own.copies, True)
+    try:
+        own.wrong[0] = run(columns, values, at, command, layer, index)
+    except Exception:
+        return RAISED
+    copy_fields(own.copies, False)
+    return REFUSED if own.wrong[0] != -1 else 0
+"""
+# What a kernel returns: the rule has raised an error; it has returned what is no command of the robot's drive.
+RAISED, REFUSED = 1, 2
+
 Me = namedtuple("Me", FIELDS)  # type: ignore[misc]
 reserve_names(Me._fields)
+
+
+class OfKernel(NamedTuple):
+    """What a kernel of a rule takes besides the arguments of its loop.
+
+    Parameters
+    ----------
+    copies : int64 ndarray, shape (k, 7)
+        Rows of `FieldCopy`.
+    chance : ndarray, shape (n,)
+        Of `me.chance`, empty for a rule that does not read it.
+    stream : Stream
+        From which it is drawn.
+    wrong : int64 ndarray, shape (1,)
+        What the loop has returned.
+    """
+
+    copies: np.ndarray
+    chance: np.ndarray
+    stream: Stream
+    wrong: np.ndarray
 
 
 class WheelsError(Exception):
@@ -213,6 +264,7 @@ class Rule:
         self.function = function
         self.name = function.__name__
         self._loops: dict[tuple, tuple[tuple[int, ...], Callable]] = {}
+        self._kernels: dict[str, Any] = {}
         self._versions: dict[str, int] = {}
         self._with_names: list[FunctionType] = []
         self._compiled: set[int] = set()
@@ -272,8 +324,7 @@ class Rule:
         kinds = version, form, *map(type, values)
         arrays = *columns, *fields.arrays
         if kinds in self._loops:
-            places, loop = self._loops[kinds]
-            return loop(tuple([arrays[place] for place in places]), values, at, *outputs)
+            return self._call_loop(kinds, arrays, values, at, *outputs)
         numbers = _numbers_in(columns)
         (places, loop), problem = _compile_if_possible(
             self.function, self._with_names[version], form, arrays, values, numbers
@@ -294,6 +345,29 @@ class Rule:
                 self._complain(problem, form, numbers[0])
             self._loops[kinds] = places, loop
         return wrong
+
+    def _call_loop(self, kinds: tuple, arrays: tuple, *arguments: Any) -> int:
+        places, loop = self._loops[kinds]
+        return loop(tuple([arrays[place] for place in places]), *arguments)
+
+    def kernel_for(
+        self, version: int, columns: tuple, fields: RuleFields, values: tuple, own: OfKernel, *outputs: Any
+    ) -> Kernel | None:
+        """Return what `run` does for the same arguments, as one function; None before the first run, and in Python."""
+        kinds = version, fields.form, *map(type, values)
+        if kinds not in self._loops or version not in self._compiled:
+            return None
+        places, loop = self._loops[kinds]
+        arrays = *columns, *fields.arrays
+        inputs = tuple([arrays[place] for place in places])
+        if not all(array.flags.c_contiguous for array in inputs):
+            return None
+        arguments = inputs, values, np.array([-1]), *outputs, own
+        kind = typeof(arguments)
+        key = f"{version} {name_type(kind)}"
+        if key not in self._kernels:
+            self._kernels[key] = _compile_kernel(loop, kind)
+        return Kernel(self._kernels[key], pack(arguments), arguments)
 
     def _complain(self, problem: str, form: FieldForm, numbers: int, names: Sequence[str] = ()) -> None:
         """Refuse a rule that is wrong somewhere; warn of one that is only slow."""
@@ -393,6 +467,15 @@ def _try_compiling(
     return (places, run), problem
 
 
+def _compile_kernel(loop: Any, kind: Any) -> Any:
+    """Return a compiled loop as a function of a block of arguments of this type."""
+    space: dict[str, Any] = {"__name__": __name__, **OF_KERNEL, "run": loop, "take_block": unpack_as(kind)}
+    exec(KERNEL, space)
+    code = loop._cache.name if isinstance(loop._cache, CustomCode) else None
+    digest = code and blake2b(f"{code} {name_type(kind)}".encode(), digest_size=16).hexdigest()
+    return store_on_disk(njit(error_model="numpy", nogil=True)(rename_function(space["run_rule"], digest)), digest)
+
+
 def _is_command(kind: Any, numbers: list[int]) -> bool:
     if not isinstance(kind, types.BaseTuple) or len(kind) not in (len(PASS), *numbers):
         return False
@@ -462,6 +545,8 @@ def _take_several(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> i
 
 # What the text of the loop uses.
 OF_LOOP = {"take": write_command, "PASSED": PASSED, "DONE": DONE, "WRONG": WRONG, "MOST_LOOPS": MOST_LOOPS}
+# What the text of the kernel uses.
+OF_KERNEL = {"draw_number": draw_number, "copy_fields": copy_fields, "RAISED": RAISED, "REFUSED": REFUSED}
 LIMITS = (lambda count: None, allow_loops)  # a plain rule counts by itself
 PLAIN, COMPILED = (
     {**OF_LOOP, "allow_loops": LIMITS[place], **{name: pair[place] for name, pair in READINGS.items()}}

@@ -7,14 +7,27 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_name, error_line, shortened, unknown_name
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control.approach import Approach, Halt, Retreat
-from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.arbiter import (
+    BEGUN,
+    DECIDED,
+    DUE,
+    PLACE,
+    STATE,
+    Arbiter,
+    TurnArrays,
+    begin_turn,
+    begin_turns,
+    call_layer,
+    clear_winners,
+    end_turn,
+)
 from mesa_swarm.control.avoid import Avoid
 from mesa_swarm.control.conditions import CONDITIONS, OWN, Condition, chance_of, own_chances
 from mesa_swarm.control.explore import Explore
@@ -22,11 +35,15 @@ from mesa_swarm.control.flocking import Align, Cohere, Cruise, MatchVelocity, Se
 from mesa_swarm.control.follow import Follow
 from mesa_swarm.control.gather import Gather, Lead
 from mesa_swarm.control.head_on import HeadOn
-from mesa_swarm.control.layer import Layer, Senses
+from mesa_swarm.control.layer import Layer, RobotColumns, Senses, columns_for
 from mesa_swarm.control.perimeter import Perimeter
 from mesa_swarm.control.push import Push
 from mesa_swarm.control.respond import Respond
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import Integers, RealRows
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.read_only import locked_view
@@ -212,33 +229,34 @@ class StateMachine(Arbiter):
         swarm.remember(f"{self._prefix}.fired", (), np.int64, -1)
         self._rng = streams[f"decide.{place}state"]
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Change the states, then write the command (n, w) and the winning layer (n,) of every robot."""
-        command.fill(0.0)
-        self.clear(layer)
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> Kernel:
+        """Return what changes the states, and then decides on these columns."""
         if self._swarm is None:
             raise InvalidValueError("this machine drives no robots; set model.control to it")
-        now = self._swarm.columns[f"{self._prefix}.now"]
-        self._change(senses, layer, now, self._swarm.columns[f"{self._prefix}.fired"])
-        active = np.empty_like(layer)
-        index = 0
-        for number, layers in enumerate(self.states.values()):
-            begin_state(now, number, layer, active)
-            for part in layers:
-                part.decide(senses, command, active, index)
-                index += 1
-            end_state(now, number, layer, active)
+        now, fired = (self._swarm.columns[f"{self._prefix}.{name}"] for name in ("now", "fired"))
+        n, active = len(layer), np.empty_like(layer)
+        own, draws = np.zeros((n, len(self._rows))), np.empty((n, self._most))
+        custom = self._custom_conditions()
 
-    def _change(self, senses: Senses, layer: np.ndarray, now: np.ndarray, fired: np.ndarray) -> None:
-        """Take the transitions of this step."""
-        draws = self._rng.random((len(now), self._most))  # type: ignore[attr-defined]
-        own = np.zeros((len(now), len(self._rows)))
-        for place, number in enumerate(self._order.tolist()):
-            condition = self.transitions[number].condition
-            if condition.code == OWN:
+        def ask_conditions() -> None:
+            for place, condition in custom:
                 own[:, place] = own_chances(condition, senses)
-        read = senses.distance, senses.kind, senses.line, senses.radiation
-        change_states(*read, own, self._out, self._targets, self._order, self._rows, draws, layer, now, fired)
+
+        turns = self.turns(senses, command, active, ask_conditions if custom else None)
+        turns.python += [type(condition).__name__ for _, condition in custom]
+        tables = self._out, self._targets, self._order, self._rows, self._firsts
+        return turns.kernel(
+            run_machine,
+            MachineArrays(
+                turns.arrays, columns_for(senses, command, layer, 0), *tables, own, draws, stream_of(self._rng), now,
+                fired, active,
+            ),
+        )  # fmt: skip
+
+    def _custom_conditions(self) -> list[tuple[int, Condition]]:
+        """Return the conditions whose chances are computed in Python, with their places in the table."""
+        ordered = [self.transitions[number].condition for number in self._order.tolist()]
+        return [(place, condition) for place, condition in enumerate(ordered) if condition.code == OWN]
 
     def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return a layer's reason, after the transition that was taken in that step, if there was one.
@@ -469,22 +487,93 @@ def _at_line(number: int, make: Any) -> Any:
         raise InvalidValueError(f"line {number}: {error_line(error)}") from None
 
 
+class MachineArrays(NamedTuple):
+    """What `run_machine` takes.
+
+    Parameters
+    ----------
+    turns : TurnArrays
+    robots : RobotColumns
+    out : int64 ndarray, shape (states + 1,)
+        Where in the tables the transitions out of each state begin.
+    targets, numbers : int64 ndarrays, shape (transitions,)
+        The states to which they lead, and their numbers.
+    rows : ndarray, shape (transitions, 5)
+        See `Condition.row`.
+    firsts : int64 ndarray, shape (states + 1,)
+        The first layer of each state.
+    own, draws : ndarrays, shapes (n, transitions), (n, most)
+        Chances of custom conditions, and random numbers.
+    stream : Stream
+    now, fired : int64 ndarrays, shape (n,)
+        States, and the transitions taken in a step.
+    active : int64 ndarray, shape (n,)
+        Which layer of a state won.
+    """
+
+    turns: TurnArrays
+    robots: RobotColumns
+    out: Integers
+    targets: Integers
+    numbers: Integers
+    rows: RealRows
+    firsts: Integers
+    own: RealRows
+    draws: RealRows
+    stream: Stream
+    now: Integers
+    fired: Integers
+    active: Integers
+
+
+@compiled(nogil=True)
+def run_machine(block, step, first, last):
+    """Change the states, then let the layers of each state decide on the robots that are in it."""
+    m = unpack(block, MachineArrays)
+    turns, layer, progress = m.turns, m.robots.layer, m.turns.progress
+    if begin_turns(turns, step):
+        m.robots.command[:] = 0.0
+        clear_winners(turns, layer)
+        for i in range(m.draws.shape[0]):
+            for t in range(m.draws.shape[1]):
+                m.draws[i, t] = draw_number(m.stream)
+        if not turns.waits:
+            change_states(m)
+    elif progress[PLACE] < 0 and progress[STATE] == DECIDED:  # Python has asked the custom conditions
+        change_states(m)
+        end_turn(turns)
+    if progress[PLACE] < 0:
+        return DUE
+    while progress[PLACE] < turns.calls.shape[0]:
+        state = np.searchsorted(m.firsts, progress[PLACE], side="right") - 1
+        if begin_turn(turns) and progress[PLACE] == m.firsts[state]:
+            begin_state(m.now, state, layer, m.active)
+        code = call_layer(turns, step, first, last)
+        if code:
+            return code
+        end_turn(turns)
+        if progress[PLACE] == m.firsts[state + 1]:
+            end_state(m.now, state, layer, m.active)
+    progress[BEGUN] = -1
+    return 0
+
+
 @compiled
-def change_states(
-    distance, kind, line, radiation, own, out, targets, numbers, rows, draws, layer, now, fired
-):  # fmt: skip
+def change_states(m):
     """Write the new states (n,) and the transitions taken (n,), -1 for none, of robots that no other arbiter drives."""
+    robots, now, fired = m.robots, m.now, m.fired
+    distance, kind, line, radiation = robots.distance, robots.kind, robots.line, robots.radiation
     for i in range(now.shape[0]):
         fired[i] = -1
-        if layer[i] >= 0:
+        if robots.layer[i] >= 0:
             continue
-        first = out[now[i]]
-        for t in range(first, out[now[i] + 1]):
-            custom = rows[t, 0] == OWN
-            chance = own[i, t] if custom else chance_of(distance, kind, line, radiation, i, rows[t])
-            if draws[i, t - first] < chance:
-                now[i] = targets[t]
-                fired[i] = numbers[t]
+        first = m.out[now[i]]
+        for t in range(first, m.out[now[i] + 1]):
+            custom = m.rows[t, 0] == OWN
+            chance = m.own[i, t] if custom else chance_of(distance, kind, line, radiation, i, m.rows[t])
+            if m.draws[i, t - first] < chance:
+                now[i] = m.targets[t]
+                fired[i] = m.numbers[t]
                 break
 
 

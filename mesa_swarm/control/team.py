@@ -3,15 +3,29 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_name, shortened
 from mesa_swarm.base.streams import Streams
-from mesa_swarm.control.arbiter import MOST_LAYERS, Arbiter, check_drives
+from mesa_swarm.control.arbiter import (
+    BEGUN,
+    MOST_LAYERS,
+    PLACE,
+    Arbiter,
+    TurnArrays,
+    Turns,
+    begin_turns,
+    call_layer,
+    check_drives,
+    end_turn,
+)
 from mesa_swarm.control.layer import Senses
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel, kernel_of
+from mesa_swarm.kernels.type_names import Integers, RealRows
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import Swarm
 
@@ -165,14 +179,17 @@ class Team(Arbiter, Mapping):
         for arbiter in self.arbiters:
             arbiter.unbind()
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
-        """Write the command (n, w) and the winning layer (n,) of every robot: each arbiter those of its own robots."""
-        owners = self._owners()
-        command.fill(0.0)
-        layer.fill(-1)
-        for place, arbiter in enumerate(self.arbiters):
-            arbiter.decide(senses, self._commands, self._winners)
-            take_over_commands(owners, place, self._firsts[place], self._commands, self._winners, command, layer)
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> Kernel:
+        """Return what decides on these columns: each arbiter for its own robots."""
+        owners, own = self._owners(), (self._commands, self._winners)
+        kernels = [kernel_of(arbiter, "decide", senses, *own) for arbiter in self.arbiters]
+
+        def decide(place: int) -> None:
+            self.arbiters[place].decide(senses, *own)
+
+        turns = Turns(kernels, decide, self.arbiters, np.empty(0, np.bool_))
+        firsts = np.array(self._firsts, np.int64)
+        return turns.kernel(run_team, TeamArrays(turns.arrays, owners, firsts, *own, command, layer))
 
     def _owners(self) -> np.ndarray:
         """Return the place of each robot's arbiter (n,), -1 for none, and prepare for these robots."""
@@ -188,7 +205,7 @@ class Team(Arbiter, Mapping):
         self._owner = np.array([places[swarm.designs[d], groups[g]] for d, g in pairs], np.int64)
         self._commands, self._winners = np.zeros((n, columns["command"].shape[1])), np.full(n, -1)
         for place, arbiter in enumerate(self.arbiters):
-            arbiter.others = np.flatnonzero(self._owner != place)
+            arbiter.others = self._owner != place
             driven = tuple(design for design, group in kinds if places[design, group] == place)
             arbiter.set_driven(driven)
         self._version = swarm.version, swarm.regrouped
@@ -212,6 +229,48 @@ def _check_key(key: object) -> None:
     if not isinstance(key, str):
         raise InvalidValueError(f"control has the key {shortened(key)}; expected a design or the name of a group")
     check_name("group of control", key)
+
+
+class TeamArrays(NamedTuple):
+    """What `run_team` takes.
+
+    Parameters
+    ----------
+    turns : TurnArrays
+        Of the arbiters, as of layers.
+    owner : int64 ndarray, shape (n,)
+        The place of each robot's arbiter, -1 for none.
+    firsts : int64 ndarray, shape (k,)
+        The first layer of each arbiter.
+    own_command, winner : ndarrays, shapes (n, w), (n,)
+        What an arbiter decides.
+    """
+
+    turns: TurnArrays
+    owner: Integers
+    firsts: Integers
+    own_command: RealRows
+    winner: Integers
+    command: RealRows
+    layer: Integers
+
+
+@compiled(nogil=True)
+def run_team(block, step, first, last):
+    """Let each arbiter decide, and take over what it commands its own robots."""
+    t = unpack(block, TeamArrays)
+    turns = t.turns
+    if begin_turns(turns, step):
+        t.command[:], t.layer[:] = 0.0, -1
+    while turns.progress[PLACE] < turns.calls.shape[0]:
+        code = call_layer(turns, step, first, last)
+        if code:
+            return code
+        place = turns.progress[PLACE]
+        take_over_commands(t.owner, place, t.firsts[place], t.own_command, t.winner, t.command, t.layer)
+        end_turn(turns)
+    turns.progress[BEGUN] = -1
+    return 0
 
 
 @compiled

@@ -1,5 +1,6 @@
 """Worlds of learners that take a step side by side in one compiled call: command, step, rewards and observations."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -81,6 +82,7 @@ class DrivenWorld:
         self.numbers: np.ndarray | None = None
         self._arrays = arrays
         self._driver: Driver | None = None
+        self._finishing: list[Callable[[], None]] = []  # of kernels that write into buffers
         self._parts, self._swarm = world.parts, world.swarm
         self._made_for: MadeFor | None = None
         self._robots = 0
@@ -113,6 +115,7 @@ class DrivenWorld:
         kernels = self._list_kernels()
         self._driver = None if kernels is None else Driver([(kernel, 1) for kernel in kernels], np.zeros(1, np.bool_))
         self.numbers = None if self._driver is None else self._driver.numbers
+        self._finishing = [kernel.finish for kernel in kernels or () if kernel.finish is not None]
         parts, fires, self._robots = self._parts, self._parts.fires, len(self._swarm)
         self._made_for = MadeFor(
             *(parts._plan, self._swarm.version, parts.bodies.cache.scene, self.world.__dict__.get("step")),
@@ -174,8 +177,10 @@ class DrivenWorld:
         return True
 
     def end_step(self) -> None:
-        """Count the step, and note that sensors were read after it."""
+        """Count the step, take what kernels have written, and note that sensors were read after it."""
         world, parts = self.world, self._parts
+        for finish in self._finishing:
+            finish()
         world._completed += 1
         set_steps(world, world.steps + 1)
         world._tally.steps += 1

@@ -1,7 +1,7 @@
 """Fires as columns, as Mesa agents, and their history."""
 
-from collections.abc import Callable, Iterator
-from functools import partial
+import math
+from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -12,7 +12,9 @@ from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.kernels.type_names import Flags, Integers, Reals, RealTables
+from mesa_swarm.physics.stage_kernels import DONE, ONLY
 from mesa_swarm.world.arena import Arena, Model
 from mesa_swarm.world.bodies import Body, BodyTable
 from mesa_swarm.world.read_only import locked_view, read_only
@@ -26,6 +28,10 @@ OF_BODIES = ("position", "radius", "temperature")
 COLUMNS = ("position", "radius", "area", "temperature", "out", "out_step", "robots")
 # That a stored history may have had.
 MOST_FIRES = 10_000_000
+# Of the rows of the history that a kernel writes before they are taken, and the numbers of all fires in them.
+MOST_ROWS, MOST_NUMBERS = 250, 100_000
+# What this kernel returns when there is no room for another row.
+FULL = 1
 
 
 class Fires:
@@ -270,65 +276,67 @@ class Fire(Body):
 
 
 class HistoryArrays(NamedTuple):
-    """What `store_temperatures` takes: columns, the place of each fire in a row, and the rows that are written."""
+    """What `store_row` takes.
 
-    heat_of: Reals
-    rows: Integers
-    robots: Integers
-    out: Flags
-    places: Integers
-    table: RealTables
+    The room for rows, temperatures and robots of each (k, 2, f), and for their steps; how many there are, every how
+    many steps one is due, and by how much the steps of the model are more than those completed; then the rows of fires
+    in the table of bodies, the columns of rows that each has, and columns of bodies and fires.
+    """
+
+    rows: RealTables
     steps: Integers
     count: Integers
-
-
-# The code that the kernel returns where its table is full, and how many rows that has.
-FULL, MOST_ROWS = 1, 1000
+    every: Integers
+    ahead: Integers
+    fires: Integers
+    places: Integers
+    temperature: Reals
+    robots: Integers
+    out: Flags
 
 
 @compiled(nogil=True)
-def store_temperatures(block, step, first, last):
-    """Store a row of the history of fires."""
+def store_row(block, step, first, last):
+    """Store a row of the history of all fires, whichever rows of robots these are, if one is due after this step."""
     h = unpack(block, HistoryArrays)
-    rows, robots, out, places, table, count = h.rows, h.robots, h.out, h.places, h.table, h.count
-    row = count[0]
-    if row == table.shape[0]:
+    rows, count, every = h.rows, h.count[ONLY], h.every[ONLY]
+    if every == 0 or (step - h.ahead[ONLY]) % every != 0:
+        return DONE
+    if count == rows.shape[0]:
         return FULL
-    for f in range(rows.shape[0]):
-        table[row, 0, places[f]] = h.heat_of[rows[f]]
-        table[row, 1, places[f]] = -1.0 if out[f] else float(robots[f])
-    h.steps[row] = step
-    count[0] += 1
-    return 0
-
-
-def is_same_key(key: tuple, other: tuple) -> bool:
-    """Return whether two keys have the same arrays, and are equal besides."""
-    pairs = zip(key, other, strict=True)
-    return all(one is two if isinstance(one, np.ndarray) else one == two for one, two in pairs)
-
-
-def do_nothing() -> None:
-    """Do nothing."""
+    for place in range(rows.shape[2]):
+        rows[count, 0, place], rows[count, 1, place] = math.nan, -1.0
+    for f in range(h.fires.shape[0]):
+        place = h.places[f]
+        rows[count, 0, place] = h.temperature[h.fires[f]]
+        rows[count, 1, place] = -1.0 if h.out[f] else h.robots[f]
+    h.steps[count] = step
+    h.count[ONLY] = count + 1
+    return DONE
 
 
 class History:
-    """Temperature of every fire, and robots at it, after some steps."""
+    """Temperature of every fire, and robots at it, after some steps.
+
+    A kernel writes rows into an array, from which they are taken when they are read or the array is full.
+    """
 
     def __init__(self, every: int | Trigger) -> None:
-        self.trigger = Trigger.of(every, "history_every")
-        self._kernel: Kernel | None = None
-        # What is called when the interval has changed.
-        self.replan: Callable[[], None] = do_nothing
+        # Of one number each, also for the kernel.
+        self._every, self._count, self._ahead = np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros(1, np.int64)
+        self.every = every  # type: ignore[assignment]
         self._steps: list[int] = []
         self._rows: list[np.ndarray] = []
         # The column of each fire that is there now: columns stay when fires are removed.
         self._places: list[int] = []
         self._fires = 0
+        self.changes: object = object()  # another one when columns are
+        self._written: tuple[np.ndarray, np.ndarray] = np.empty(0, np.int64), np.empty((0, 2, 0))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what a copy is given anew."""
-        return {**self.__dict__, "_kernel": None, "replan": do_nothing}
+        """Take all rows from the array: a copy writes into another."""
+        self._take_rows()
+        return self.__dict__ | {"_written": (np.empty(0, np.int64), np.empty((0, 2, 0)))}
 
     @property
     def width(self) -> int:
@@ -338,47 +346,64 @@ class History:
     @property
     def every(self) -> int:
         """Steps between two rows; 0 for no rows at all; may be changed between steps."""
-        return self.trigger.every
+        return int(self._every[ONLY])
 
     @every.setter
     def every(self, every: int | Trigger) -> None:
-        self.trigger = Trigger.of(every, "history_every")
-        self.replan()
+        self._every[ONLY] = Trigger.of(every, "history_every").every
 
     def add_fire(self) -> None:
         """Make room for one more fire: a column of its own."""
+        self._take_rows()
         self._places.append(self._fires)
-        self._fires += 1
+        self._fires, self.changes = self._fires + 1, object()
 
     def remove_fire(self, index: int) -> None:
         """End the column of a removed fire: its past stays, and it continues as nan and -1."""
+        self._take_rows()
         del self._places[index]
+        self.changes = object()
 
-    def kernel(self, fires: "Fires") -> Kernel:
-        """Return what stores a row: the temperature of each fire, and robots at it, -1 of one that is out."""
-        key = (fires.own["out"], fires.table.temperature, self._fires, list(self._places))
-        if self._kernel is None or not is_same_key(self._kernel.kept[0], key):
-            places, count = np.array(self._places, np.int64), np.zeros(1, np.int64)
-            tables = np.full((MOST_ROWS, 2, self._fires), np.nan), np.zeros(MOST_ROWS, np.int64)
-            tables[0][:, 1] = -1.0
-            columns = fires.table.temperature, fires.rows.copy(), fires.own["robots"], fires.own["out"]
-            block = Block(HistoryArrays(*columns, places, *tables, count))
-            finish = partial(self._take, *tables, count)
-            kept = key, block
-            self._kernel = Kernel(store_temperatures, block.numbers, kept, lambda code: finish(), finish)
-        return self._kernel
+    def kernel(self, fires: Fires) -> Kernel:
+        """Return what stores a row for these fires after the steps in which one is due; valid while these stay."""
+        self._take_rows()
+        if not self._fires:
+            return sequence_of([])
+        count = max(1, min(MOST_ROWS, MOST_NUMBERS // max(self._fires, 1)))
+        steps, rows = self._written = np.empty(count, np.int64), np.empty((count, 2, self._fires))
+        block = Block(
+            HistoryArrays(
+                rows=rows,
+                steps=steps,
+                count=self._count,
+                every=self._every,
+                ahead=self._ahead,
+                fires=fires.rows.copy(),
+                places=np.array(self._places, np.int64),
+                temperature=fires.table.temperature,
+                robots=fires.own["robots"],
+                out=fires.own["out"],
+            )
+        )
+        return Kernel(store_row, block.numbers, block, lambda code: self._take_rows())
 
-    def _take(self, table: np.ndarray, steps: np.ndarray, count: np.ndarray) -> None:
-        """Take the rows that the kernel has written."""
-        rows = int(count[0])
-        if rows:
-            count[0] = 0
-            self._steps += steps[:rows].tolist()
-            self._rows += list(table[:rows].copy())
+    def count_from(self, steps: int, completed: int) -> None:
+        """Note by how much the steps that rows are of are more than those completed, which decide when one is due."""
+        self._ahead[ONLY] = steps - completed
+
+    def _take_rows(self) -> None:
+        """Append the rows that the kernel has written to the others."""
+        count = int(self._count[ONLY])
+        if count:
+            steps, rows = self._written
+            self._steps.extend(steps[:count].tolist())
+            self._rows.extend(rows[:count].copy())
+            self._count[ONLY] = 0
 
     @property
     def series(self) -> tuple[list[int], list[np.ndarray]]:
         """The steps and the rows as they are: lists that grow."""
+        self._take_rows()
         return self._steps, self._rows
 
     @property
@@ -391,16 +416,18 @@ class History:
         numbers = all(type(number) is int and number >= 0 for number in (every, fires, *places))
         if not numbers or len(places) != present or any(place >= fires for place in places) or fires > MOST_FIRES:
             raise InvalidValueError("invalid history of fires")
-        self.every, self._places, self._fires = every, list(places), fires
+        self._take_rows()
+        self.every, self._places, self._fires, self.changes = every, list(places), fires, object()
 
     def forget(self, rows: int) -> None:
         """Drop all but the last rows."""
+        self._take_rows()
         del self._steps[: max(0, len(self._steps) - rows)], self._rows[: max(0, len(self._rows) - rows)]
 
     @property
     def steps(self) -> np.ndarray:
         """The steps of the rows, shape (k,)."""
-        return read_only(np.array(self._steps, np.int64))
+        return read_only(np.array(self.series[0], np.int64))
 
     @property
     def temperature(self) -> np.ndarray:
@@ -413,8 +440,9 @@ class History:
         return read_only(self._table(1).astype(np.int64))
 
     def _table(self, part: int) -> np.ndarray:
-        width = max((row.shape[1] for row in self._rows), default=0)
-        table = np.full((len(self._rows), width), np.nan if part == 0 else -1.0)
-        for k, row in enumerate(self._rows):
+        _, rows = self.series
+        width = max((row.shape[1] for row in rows), default=0)
+        table = np.full((len(rows), width), np.nan if part == 0 else -1.0)
+        for k, row in enumerate(rows):
             table[k, : row.shape[1]] = row[part]
         return table

@@ -1,6 +1,7 @@
 """The part `fires`: fires as discs that radiate heat, what burns of them, and the heat in robots."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from operator import is_not
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from mesa_swarm.fire.burning import Burning, HeatArrays, burn_all
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.kernels.block import Block
-from mesa_swarm.kernels.part import Column, Context, Itself, Kernel, Part, Phase, Prepared, Stage
+from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.maps.map import RADIUS_OF_UNIT_AREA
 from mesa_swarm.model.robots_part import check_stored_numbers
 from mesa_swarm.world.shapes import Shape, disc
@@ -40,14 +41,10 @@ class FiresPart(Part):
     def __init__(
         self, model: Any, constants: FireConstants, extinguish_range: float, history_every: int | Trigger
     ) -> None:
-        self.model, self.cache = model, Prepared()
+        self.model, self.cache, self.row_cache = model, Prepared(), Prepared()
         self.set_constants(constants)
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every, model.parts.bodies.table)
-
-    def bind(self, context: Context) -> None:
-        """Let the plan be made anew when the interval of the history is set."""
-        self.fires.history.replan = context.model.parts.replan
 
     def columns(self) -> Mapping[str, Column]:
         """Return the columns of fires, and of the heat in robots."""
@@ -60,11 +57,8 @@ class FiresPart(Part):
         }
 
     def stages(self) -> Iterator[Stage]:
-        """Store a row of the history, if there are fires, after the steps in which one is due."""
-        history = self.fires.history
-        if history.width and history.every:
-            name, kernel = "temperatures of fires are stored", history.kernel(self.fires)
-            yield Stage(Phase.COLLECT, self.store_history, name, kernel, history.every)
+        """Store a row of the history, if one is due."""
+        yield Stage(Phase.COLLECT, self.store_history, "temperatures of fires are stored", self.storing())
 
     def parameters(self) -> list | None:
         """Return the constants of what burns, None where nothing does."""
@@ -103,6 +97,17 @@ class FiresPart(Part):
                 f"fire_constants is {shortened(constants)}; expected what design_constants() returns"
             )
         self.constants = constants
+        self.model.parts.replan()  # of which what burns is a part
+
+    @property
+    def extinguish_range(self) -> float:
+        """How near to a fire's edge the body of a robot that fights it is at most, and takes its heat."""
+        return self._extinguish_range
+
+    @extinguish_range.setter
+    def extinguish_range(self, extinguish_range: float) -> None:
+        self._extinguish_range = extinguish_range
+        self.model.parts.replan()
 
     def add_fire(
         self,
@@ -184,5 +189,14 @@ class FiresPart(Part):
         self.model.parts.bodies.changed()
 
     def store_history(self) -> None:
-        """Store a row of the history of all fires."""
-        self.fires.history.kernel(self.fires).run(self.model.steps, len(self.model.swarm))
+        """Store a row of the history of all fires, if one is due."""
+        self.storing().run(self.model.steps, len(self.model.swarm))
+
+    def storing(self) -> Kernel:
+        """Return what stores rows of the history, made anew when fires or bodies have come or gone."""
+        fires, history, prepared = self.fires, self.fires.history, self.row_cache
+        state = history, history.changes, fires.own["out"], fires.table.temperature
+        if prepared.kernel is None or any(map(is_not, prepared.state, state)):
+            prepared.state, prepared.kernel = state, history.kernel(fires)
+        history.count_from(self.model.steps, self.model.completed)
+        return prepared.kernel

@@ -2,17 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from mesa_swarm.base.errors import InvalidValueError, check_choice, check_name, check_number
-from mesa_swarm.control.layer import Memoryless, Senses, kernel_with
+from mesa_swarm.base.errors import check_choice, check_name, check_number
+from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.part import Kernel
-from mesa_swarm.kernels.type_names import CodeRows, Flags, Integers, RealRows, Reals, RealTables
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -21,8 +16,6 @@ from mesa_swarm.world.statics import FIRE
 STRATEGIES = ("A", "B")
 # The task of a robot that extinguishes a fire, or waits at one until it may.
 FIGHTS = 0
-SENSED = attrgetter(*["distance", "kind", "heat", "hot", "fire", "max_speed", "radius", "design", "bearing", "sensors"])
-FELT = attrgetter("radiation", "radiation_bearing", "hot", "fire", "max_speed", "radius", "design")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,17 +53,9 @@ class FightFire(Memoryless):
         check_choice("strategy", self.strategy, STRATEGIES)
         check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that see, fight, or wait for a fire."""
-        fight(*self._arguments(senses, command, layer, index))
-
-    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel:
-        """Return what `decide` does."""
-        return kernel_with(fight_all, self._arguments(senses, command, layer, index))
-
-    def _arguments(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> "FightArrays":
-        rule = self.strategy == "B", math.radians(self.critical_angle_degrees)
-        return FightArrays(*(*SENSED(senses), *rule, command, layer, index, senses.task, senses.goal))
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "FightRule"]:
+        """Return what drives the robots that see, fight, or wait for a fire."""
+        return fight, FightRule(robots, self.strategy == "B", math.radians(self.critical_angle_degrees))
 
     def reason(self, moment: Moment) -> Reason:
         """Return what it does, at which fire."""
@@ -84,62 +69,44 @@ class FightFire(Memoryless):
         return Reason(f"it goes to a fire{where}", tuple(seeing))
 
 
-class FightArrays(NamedTuple):
-    """The arguments of `fight`, in its order."""
+class FightRule(NamedTuple):
+    """What `fight` takes: whether robots return when they are cool, which is strategy B, and an angle in rad."""
 
-    distance: RealRows
-    kind: CodeRows
-    heat: Reals
-    hot: Flags
-    fire: Integers
-    max_speed: Reals
-    radius: Reals
-    design: Integers
-    bearing: RealRows
-    sensors: RealTables
+    robots: RobotColumns
     returns: bool
     critical_angle: float
-    command: RealRows
-    layer: Integers
-    place: int
-    task: Integers
-    goal: RealRows
 
 
 @compiled(nogil=True)
-def fight_all(block, step, first, last):
-    """Do what `fight` does, for all rows."""
-    fight(*unpack(block, FightArrays))
-    return 0
-
-
-@compiled
-def fight(
-    distance, kind, heat, hot, fire, max_speed, radius, design, bearing, sensors, returns, critical_angle,
-    command, layer, index, task, goal,
-):  # fmt: skip
-    """Write the commands, tasks and goals of robots that no earlier layer drives; `returns` is strategy B."""
+def fight(block, step, first, last):
+    """Write the commands, tasks and goals of robots that no earlier layer drives."""
+    rule = unpack(block, FightRule)
+    robots = rule.robots
+    distance, command, layer, sensors = robots.distance, robots.command, robots.layer, robots.sensors
     for i in range(layer.shape[0]):
-        if layer[i] >= 0 or (hot[i] and not returns):
+        hot, fire = robots.hot[i], robots.fire[i]
+        if layer[i] >= 0 or (hot and not rule.returns):
             continue
-        sensor = nearest_seen(distance[i], kind[i])
-        if fire[i] < 0 and sensor < 0 and not (hot[i] and heat[i] > 0.0):
+        sensor = nearest_seen(distance[i], robots.kind[i])
+        if fire < 0 and sensor < 0 and not (hot and robots.heat[i] > 0.0):
             continue
-        layer[i] = index
-        speed, d = max_speed[i], design[i]
-        if hot[i] or fire[i] >= 0:
-            task[i] = FIGHTS
+        layer[i] = robots.index
+        speed, d = robots.max_speed[i], robots.design[i]
+        if hot or fire >= 0:
+            robots.task[i] = FIGHTS
             if sensor >= 0:
                 # Where a sensor sees something: in the middle of its sector, for all that the robot knows.
-                goal[i, 0] = sensors[d, sensor, MOUNT_X] + distance[i, sensor] * sensors[d, sensor, AXIS_X]
-                goal[i, 1] = sensors[d, sensor, MOUNT_Y] + distance[i, sensor] * sensors[d, sensor, AXIS_Y]
-        if hot[i]:
-            backward = -speed if heat[i] > 0.0 else 0.0
+                robots.goal[i, 0] = sensors[d, sensor, MOUNT_X] + distance[i, sensor] * sensors[d, sensor, AXIS_X]
+                robots.goal[i, 1] = sensors[d, sensor, MOUNT_Y] + distance[i, sensor] * sensors[d, sensor, AXIS_Y]
+        if hot:
+            backward = -speed if robots.heat[i] > 0.0 else 0.0
             command[i, 0], command[i, 1] = backward, backward
-        elif fire[i] >= 0:
+        elif fire >= 0:
             command[i, 0], command[i, 1] = 0.0, 0.0
         else:
-            command[i, 0], command[i, 1] = approach(bearing[d, sensor], critical_angle, speed, radius[i])
+            bearing = robots.bearing[d, sensor]
+            command[i, 0], command[i, 1] = approach(bearing, rule.critical_angle, speed, robots.radius[i])
+    return 0
 
 
 @compiled
@@ -190,15 +157,18 @@ class SeekHeat(Memoryless):
         check_number("least", self.least, minimum=0, maximum=1)
         check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that feel a fire."""
-        if len(layer) and not senses.radiation.shape[1]:
-            raise InvalidValueError(
-                "SeekHeat feels fires by radiation sensors, but robots have none; add RadiationSensor() to their "
-                "sensors, as in RobotDesign(sensors=(*AGENT9.sensors, RadiationSensor()))"
-            )
-        rule = float(self.least), math.radians(self.critical_angle_degrees)
-        seek_heat(*FELT(senses), *rule, command, layer, index)
+    def lacks(self, senses: Senses) -> str:
+        """Return that sensors are missing."""
+        if not len(senses.design) or senses.radiation.shape[1]:
+            return ""
+        return (
+            "SeekHeat feels fires by radiation sensors, but robots have none; add RadiationSensor() to their "
+            "sensors, as in RobotDesign(sensors=(*AGENT9.sensors, RadiationSensor()))"
+        )
+
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "SeekRule"]:
+        """Return what drives the robots that feel a fire."""
+        return seek_heat, SeekRule(robots, float(self.least), math.radians(self.critical_angle_degrees))
 
     def reason(self, moment: Moment) -> Reason:
         """Return how hot it is where it goes."""
@@ -206,15 +176,26 @@ class SeekHeat(Memoryless):
         return Reason("it feels a fire" if heats is None else f"it feels a fire of temperature {max(heats):.2f}")
 
 
-@compiled
-def seek_heat(radiation, bearing, hot, fire, max_speed, radius, design, least, critical_angle, command, layer, index):
+class SeekRule(NamedTuple):
+    """What `seek_heat` takes: readings up to `least` are ignored; an angle in rad."""
+
+    robots: RobotColumns
+    least: float
+    critical_angle: float
+
+
+@compiled(nogil=True)
+def seek_heat(block, step, first, last):
     """Write the commands of robots that no earlier layer drives; of equal readings that most nearly ahead counts."""
+    rule = unpack(block, SeekRule)
+    robots, radiation, bearing = rule.robots, rule.robots.radiation, rule.robots.radiation_bearing
+    command, layer = robots.command, robots.layer
     for i in range(layer.shape[0]):
-        if layer[i] >= 0 or hot[i] or fire[i] >= 0:
+        if layer[i] >= 0 or robots.hot[i] or robots.fire[i] >= 0:
             continue
-        d, best = design[i], -1
+        d, best = robots.design[i], -1
         for q in range(radiation.shape[1]):
-            if radiation[i, q] <= least:
+            if radiation[i, q] <= rule.least:
                 continue
             if (
                 best < 0
@@ -223,5 +204,7 @@ def seek_heat(radiation, bearing, hot, fire, max_speed, radius, design, least, c
             ):
                 best = q
         if best >= 0:
-            layer[i] = index
-            command[i, 0], command[i, 1] = approach(bearing[d, best], critical_angle, max_speed[i], radius[i])
+            layer[i] = robots.index
+            speed, radius = robots.max_speed[i], robots.radius[i]
+            command[i, 0], command[i, 1] = approach(bearing[d, best], rule.critical_angle, speed, radius)
+    return 0

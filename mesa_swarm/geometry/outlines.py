@@ -13,6 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
 
 # Share of a sum of products below which the sign of their difference may be that of rounding, as in GEOS.
 UNSURE = 1e-15
@@ -40,14 +41,14 @@ class Outlines(NamedTuple):
         Of discs, 0 for all others.
     """
 
-    local: np.ndarray
-    points: np.ndarray
-    rings: np.ndarray
-    shells: np.ndarray
-    boxes: np.ndarray
-    order: np.ndarray
-    solids: np.ndarray
-    radius: np.ndarray
+    local: RealRows
+    points: RealRows
+    rings: Integers
+    shells: Flags
+    boxes: RealRows
+    order: Integers
+    solids: Integers
+    radius: Reals
 
 
 def outlines_of(geometries: Sequence[BaseGeometry], radius: Sequence[float] | np.ndarray) -> Outlines:

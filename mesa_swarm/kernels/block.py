@@ -6,6 +6,7 @@ are those that a class, a `typing.NamedTuple`, declares; see `type_names.declare
 """
 
 from ctypes import addressof, c_char
+from functools import partial
 from struct import Struct
 from typing import Any, NamedTuple, cast
 
@@ -70,6 +71,14 @@ class Block:
         return Block, (self._values,)
 
 
+def pack(values: Any) -> np.ndarray:
+    """Return the numbers of a block of numbers, arrays in C order and tuples of these; the arrays have to be kept.
+
+    For values whose types no class declares, which `unpack_as` takes out again.
+    """
+    return np.array(_numbers_of(values), NUMBER)
+
+
 # Kinds of arguments that were compared with what their class declares: to ask Numba takes as long as all else.
 CHECKED: set[Any] = set()
 
@@ -117,12 +126,23 @@ def unpack(typing_context: Any, block: Any, block_class: Any) -> Any:
     if block is types.none:
         return types.none(block, block_class), lambda context, *_: context.get_dummy_value()
     result = declared_type(block_class.instance_class)
+    return result(block, block_class), partial(_read_block, result)
 
-    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, values[0])
-        return _Reader(context, builder, array.data).take(result)
 
-    return result(block, block_class), code
+def unpack_as(kind: Any) -> Any:
+    """Return what takes a value of this type, such as a tuple, out of a block of `pack`; for compiled functions."""
+
+    @intrinsic
+    def take(typing_context: Any, block: Any) -> Any:
+        return kind(block), partial(_read_block, kind)
+
+    return take
+
+
+def _read_block(kind: Any, context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    """Write the code that reads a value of this type from the beginning of a block."""
+    array = context.make_array(signature.args[0])(context, builder, values[0])
+    return _Reader(context, builder, array.data).take(kind)
 
 
 class _Reader:

@@ -3,11 +3,11 @@
 Numba would load what a power cut left of a file, or call it: here each file begins with a digest of what follows, and
 one that does not match is as good as none. Numba would also write beside the sources or nowhere, and read only from
 where it can write: here the code of a read-only installation is read, and new code goes to a folder of the user's.
+Code that came with the package, see `kernels.machines`, is read where there is no other.
 """
 
 import os
 import pickle
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache
@@ -22,11 +22,11 @@ from uuid import uuid4
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
-from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
 from mesa_swarm.base.progress import notice
+from mesa_swarm.kernels.machines import list_machines, name_machine
 from mesa_swarm.kernels.type_names import name_type
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -42,17 +42,25 @@ REPORTED = "MESA_SWARM_CODE_IS_NOT_STORED"
 settings: Any = numba.config
 
 
-# Of files of this form; each is found by a digest of all that its code depends on, so that none can be stale.
-FOLDER = "kernels-by-code"
+# Of folders, one for each machine, with files of this form; each is found by a digest of all that its code depends on,
+# so that none can be stale.
+FOLDER = "kernels-by-machine"
 # The code of this installation: beside it, or where the user has Numba store code.
 HOME = Path(settings.CACHE_DIR or PACKAGE / "__pycache__").absolute() / FOLDER
+# The code that came with the package, which is only read, likewise in a folder for each machine.
+SHIPPED = PACKAGE / "machine_code"
 
 
 @cache
 def list_folders() -> tuple[Path, ...]:
-    """Return the folders in which code is looked for: the last is the one for new code, if it can be written to."""
-    other = _folder_of_user()
-    return (HOME,) if other is None or not why_unwritable(HOME) else (HOME, other)
+    """Return the folders for code of this machine: the last is the one for new code, if it can be written to."""
+    home, other = HOME / name_machine(), _folder_of_user()
+    return (home,) if other is None or not why_unwritable(home) else (home, other / name_machine())
+
+
+def list_all_folders() -> tuple[Path, ...]:
+    """Return the folders in which code is looked for: those of this machine, then those that came with the package."""
+    return list_folders() + tuple(SHIPPED / machine for machine in list_machines())
 
 
 def _folder_of_user() -> Path | None:
@@ -67,7 +75,7 @@ def why_unwritable(folder: Path) -> str:
     try:
         if not folder.exists():
             folder.mkdir(parents=True, exist_ok=True)
-            _drop_former(folder)
+            _drop_former(folder.parent)
         with TemporaryFile(dir=folder):
             return ""
     except OSError as error:
@@ -106,8 +114,8 @@ def why_not_stored() -> str:
 
 
 def read_code(name: str) -> Iterator[bytes]:
-    """Yield what whole files of this name hold, those of the installation first."""
-    for folder in list_folders():
+    """Yield what whole files of this name hold, those of the installation first, those that came with it last."""
+    for folder in list_all_folders():
         with suppress(OSError):
             seal, code = _open((folder / name).read_bytes())
             if seal == _seal(code):
@@ -116,7 +124,7 @@ def read_code(name: str) -> Iterator[bytes]:
 
 def is_stored(name: str) -> bool:
     """Return whether there is a whole file of this name."""
-    return any(_is_whole(folder / name) for folder in list_folders())
+    return any(_is_whole(folder / name) for folder in list_all_folders())
 
 
 def _is_whole(path: Path) -> bool:
@@ -142,7 +150,7 @@ def _open(content: bytes) -> tuple[bytes, bytes]:
 
 def drop_damaged(folder: str) -> list[str]:
     """Remove damaged files of a folder within the places; return the names of those that no whole one replaces."""
-    files = {f"{folder}/{path.name}": path for place in list_folders() for path in (place / folder).glob("*.nbc")}
+    files = {f"{folder}/{path.name}": path for place in list_all_folders() for path in (place / folder).glob("*.nbc")}
     damaged = {name: path for name, path in files.items() if not is_stored(name)}
     for path in damaged.values():
         with suppress(OSError):  # of a read-only installation
@@ -180,7 +188,7 @@ def _seal(code: bytes) -> bytes:
 
 
 def file_of(stem: str, words: str, more: str = "") -> str:
-    """Return the name of the file of a function's code for arguments of these types, on this machine.
+    """Return the name of the file of a function's code for arguments of these types, in the folder of a machine.
 
     Parameters
     ----------
@@ -191,15 +199,8 @@ def file_of(stem: str, words: str, more: str = "") -> str:
     more : str
         A digest of whatever else the code depends on.
     """
-    parts = (repr((name_machine(), words)), more)
-    digests = [blake2b(part.encode("utf-8", "backslashreplace"), digest_size=10).hexdigest() for part in parts]
+    digests = [blake2b(part.encode("utf-8", "backslashreplace"), digest_size=10).hexdigest() for part in (words, more)]
     return f"{stem}-{'-'.join(digests)}.nbc"
-
-
-@cache
-def name_machine() -> str:
-    """Return a name for what machine code depends on besides the sources: Numba loads that of no other processor."""
-    return repr((sys.version_info[:2], numba.__version__, cpu_target.target_context.codegen().magic_tuple()))
 
 
 def name_types(arguments: Iterable[Any]) -> str:
@@ -213,6 +214,10 @@ class _Form(CompileResultCacheImpl):
     def __init__(self, function: Any) -> None:
         self._lineno = function.__code__.co_firstlineno
         self._locator = SimpleNamespace(_py_file=function.__code__.co_filename)  # for its warnings
+
+    def reduce(self, result: Any) -> tuple:
+        """Return what is stored: without the one text, a listing for readers that names folders of this machine."""
+        return tuple("" if isinstance(part, str) else part for part in super().reduce(result))
 
 
 class StoredCode(FunctionCache):
@@ -252,16 +257,20 @@ class StoredCode(FunctionCache):
         target_context.refresh()
         for content in [] if self.digest() is None else read_code(self._file(sig)):
             with suppress(Exception):  # of types that cannot be unpickled or compared: it is compiled
-                key, code = pickle.loads(content)
-                if key == self._index_key(sig, target_context.codegen()):
+                (types, machine, source), code = pickle.loads(content)
+                if (types, source) == (sig, self._source()) and machine in (name_machine(), *list_machines()):
                     return self._impl.rebuild(target_context, code)
         return None
 
     def save_overload(self, sig: Any, result: Any) -> None:
         """Store code."""
         if self.digest() is not None and self._impl.check_cachable(result) and self._accepts():
-            key = self._index_key(sig, result.codegen)
+            key = sig, name_machine(), self._source()
             write_code(self._file(sig), dumps((key, self._impl.reduce(result))))
+
+    def _source(self) -> tuple[str, str | None]:
+        """Return what the code has been made from."""
+        return self._stem, self.digest()
 
     def _file(self, sig: Any) -> str:
         return file_of(self._stem, name_types(getattr(sig, "args", sig)), self.digest() or "")

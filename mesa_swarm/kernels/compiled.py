@@ -24,6 +24,7 @@ from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.kernels.code_files import PACKAGE, StoredCode, settings
 from mesa_swarm.kernels.digests import FUNCTIONS, digest_function, digest_source
+from mesa_swarm.kernels.sparing import compile_sparingly
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,9 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False,
     """
     if function is None:
         return partial(compiled, nogil=nogil, apart=apart)
-    result: Any = njit(error_model="numpy", nogil=nogil)(function)
+    # Addresses are those of functions themselves: the form that C would call costs time and is called by none.
+    result: Any = njit(error_model="numpy", nogil=nogil, no_cfunc_wrapper=True)(function)
+    compile_sparingly(result)
     if f"{function.__module__}.".startswith(f"{PACKAGE.name}."):
         FUNCTIONS.add(function)
         result._cache = StoredCode(function, stem_of(function), partial(_digest, function, nogil, apart))

@@ -15,7 +15,7 @@ from typing import Any
 from numba.core import event
 
 from mesa_swarm.base.progress import note
-from mesa_swarm.kernels.code_files import PACKAGE, file_of, is_stored, list_folders, name_types, why_not_stored
+from mesa_swarm.kernels.code_files import PACKAGE, file_of, is_stored, list_all_folders, name_types, why_not_stored
 from mesa_swarm.kernels.compiled import stem_of
 from mesa_swarm.kernels.digests import FUNCTIONS
 
@@ -135,7 +135,7 @@ def stored_functions(names: Iterable[str]) -> set[str]:
 def code_folders(names: Iterable[str]) -> tuple[Path, ...]:
     """Return the folders in which machine code of some of these functions is stored."""
     files = [_file_of(name) for name in names]
-    return tuple(place for place in list_folders() if any((place / file).exists() for file in files if file))
+    return tuple(place for place in list_all_folders() if any((place / file).exists() for file in files if file))
 
 
 def _file_of(name: str) -> str | None:

@@ -18,10 +18,7 @@ class CustomCode(StoredCode):
 
     def __init__(self, function: FunctionType, digest: str, accepts: Callable[[], bool]) -> None:
         super().__init__(function, f"{FOLDER}/{digest}", accepts=accepts)
-        self._name = digest
-
-    def _index_key(self, sig: Any, codegen: Any) -> tuple:
-        return sig, codegen.magic_tuple(), self._name
+        self.name = digest
 
     def save_overload(self, sig: Any, result: Any) -> None:
         """Store code; where that cannot be, it is compiled in each process."""

@@ -35,7 +35,8 @@ LARGEST_ARRAY = 10_000
 CONSTANT = ("builtins", "math", "numpy", "numba")
 CONSTANT_MODULES = (math, np)
 LOOKING_UP = ("LOAD_GLOBAL", "LOAD_NAME", "IMPORT_NAME")
-VERSIONS = (sys.version, numba.__version__, np.__version__)
+# What Python's and Numba's versions decide is in the name of the machine, too. Numba asks for no more of NumPy's.
+VERSIONS = (sys.version_info[:2], numba.__version__, np.__version__.split(".")[:2])
 Intrinsic = type(intrinsic(lambda typing_context: None))
 
 

@@ -43,22 +43,61 @@ def stream_of(generator: np.random.Generator) -> Stream:
     return Stream(_address_of(interface.next_double), _address_of(interface.state))
 
 
+class Words(NamedTuple):
+    """A stream of words of 64 random bits for compiled functions, likewise: where nothing is drawn, two zeros.
+
+    Parameters
+    ----------
+    draw : int
+        The address of the function that draws a word.
+    state : int
+        The address of what it changes.
+    """
+
+    draw: int
+    state: int
+
+
+def words_of(generator: np.random.Generator) -> Words:
+    """Return what compiled functions take of a generator to draw words of 64 bits.
+
+    Examples
+    --------
+    >>> generator = np.random.default_rng(1)
+    >>> int(draw_word(words_of(generator))) == int(np.random.default_rng(1).integers(2**64, dtype=np.uint64))
+    True
+    """
+    interface = generator.bit_generator.ctypes
+    return Words(_address_of(interface.next_uint64), _address_of(interface.state))
+
+
 def _address_of(pointer: Any) -> int:
     return int(ctypes.cast(pointer, ctypes.c_void_p).value or 0)
+
+
+def _call_at_address(result: Any) -> Any:
+    """Return what writes the code of a call of a function of an address, by its own address."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address, state = arguments
+        place = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(result, [place])
+        function = builder.inttoptr(address, kind.as_pointer())
+        return builder.call(function, [builder.inttoptr(state, place)])
+
+    return code
 
 
 @intrinsic
 def _call(typing_context: Any, function: Any, state: Any) -> Any:
     """Call a function that takes an address and returns a real number, by its own address."""
+    return types.float64(types.int64, types.int64), _call_at_address(ir.DoubleType())
 
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        address, state = arguments
-        place = ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.DoubleType(), [place])
-        function = builder.inttoptr(address, kind.as_pointer())
-        return builder.call(function, [builder.inttoptr(state, place)])
 
-    return types.float64(types.int64, types.int64), code
+@intrinsic
+def _call_for_word(typing_context: Any, function: Any, state: Any) -> Any:
+    """Call a function that takes an address and returns 64 bits, by its own address."""
+    return types.uint64(types.int64, types.int64), _call_at_address(ir.IntType(64))
 
 
 @compiled
@@ -71,3 +110,9 @@ def draw_number(stream: Stream) -> float:
 def draw_between(stream: Stream, low: float, high: float) -> float:
     """Return a number uniform in [low, high), as ``generator.uniform(low, high)`` does; for compiled functions."""
     return low + (high - low) * _call(stream.draw, stream.state)  # type: ignore[call-arg]
+
+
+@compiled
+def draw_word(words: Words) -> int:
+    """Return 64 random bits, as ``generator.integers(2**64, dtype=uint64)`` does; for compiled functions."""
+    return _call_for_word(words.draw, words.state)  # type: ignore[call-arg]

@@ -39,7 +39,7 @@ class Plan(NamedTuple):
     >>> from mesa_swarm.model.engine_model import EngineModel
     >>> print(EngineModel(rng=1).plan)
     phase    part    what                                    how
-    sense    robots  robots read their sensors               compiled: sense_proximity; Python: no proximity sensors
+    sense    robots  robots read their sensors               compiled: sense_robots
     move     robots  robots move, and contacts are resolved  compiled: travel_pieces; Python: no robots
     collect  robots  collisions are counted                  compiled: count_collided
     one step at a time: what is Python is due in each

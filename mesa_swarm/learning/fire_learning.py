@@ -3,15 +3,30 @@
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import check_count, check_number
-from mesa_swarm.control.layer import Senses, nearest_of
+from mesa_swarm.control.layer import RobotColumns, Senses, nearest_of
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Integers, Reals, RealTables
 from mesa_swarm.learning.actions import best_of, chosen
-from mesa_swarm.learning.learner import CHECKS, COUNT, INDEX, NUMBER, POSITIVE, Check, Declared, TableLayer
+from mesa_swarm.learning.learner import (
+    CHECKS,
+    COUNT,
+    INDEX,
+    NUMBER,
+    POSITIVE,
+    UNBORN,
+    Check,
+    Declared,
+    Lesson,
+    TableLayer,
+    begin_lesson,
+    end_lesson,
+)
 from mesa_swarm.learning.table_learning import ValueTables
 from mesa_swarm.robots.drive import approach, turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -201,19 +216,16 @@ class LearnFires(TableLayer[SkillPolicy]):
         self._column("before")[self._robots.columns["fire"] >= 0] = -1
         self._column("last")[:] = -1
 
-    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        learn_skills(
-            senses.distance, senses.kind, senses.heat, senses.hot, senses.fire, senses.last_command,
-            senses.tendency, senses.max_speed, senses.radius, senses.design, senses.bearing, senses.forward,
-            self._column("values"),
-            tuple(map(self._column, ("situation", "skill", "last", "before", "kept", "lessons"))),
-            tuple(map(self._column, ("gain", "temperature"))), self._rng.random(len(layer)),
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "SkillRule"]:
+        """Return what learns and chooses."""
+        names = "values", "situation", "skill", "last", "before", "kept", "lessons", "gain", "temperature"
+        rule = (
             (float(self.arrival), float(self.put_out), float(self.step_cost)),
             (float(self.alpha), float(self.gamma), float(self.beta), float(self.last_temperature)),
-            int(self.hold), (bool(self.shared), bool(self.frozen)),
-            command, layer, index,
-        )  # fmt: skip
-        return -1  # means of rewards do not diverge
+            int(self.hold),
+            (bool(self.shared), bool(self.frozen)),
+        )
+        return learn_skills, SkillRule(robots, self._lesson(), *map(self._column, names), *rule)
 
     def reason(self, moment: Moment) -> Reason:
         """Return the situation, and the skill if its column was stored."""
@@ -224,42 +236,80 @@ class LearnFires(TableLayer[SkillPolicy]):
         return Reason(f"{chose}: it is {SITUATIONS[now]}")
 
 
-@compiled
-def learn_skills(
-    distance, kind, heat, hot, fire, last_command, tendency, max_speed, radius, design, bearing, forward,
-    values, doing, worth, chance, rewards, rates, hold, options, command, layer, index,
-):  # fmt: skip
+class SkillRule(NamedTuple):
+    """What `learn_skills` takes.
+
+    Parameters
+    ----------
+    robots : RobotColumns
+    lesson : Lesson
+    values : ndarray, shape (n, situations, skills)
+    situation, skill, last, before, age, lessons : int64 ndarrays, shape (n,)
+        Columns of robots: of the skill that each performs, and the fires that it fought.
+    gain, temperature : ndarrays, shape (n,)
+    rewards, rates : tuples of float
+        Of an arrival, a fire put out, and a step; alpha, gamma, beta and T_c.
+    hold : int
+    options : tuple of bool
+        Whether robots learn together, and only act.
+    """
+
+    robots: RobotColumns
+    lesson: Lesson
+    values: RealTables
+    situation: Integers
+    skill: Integers
+    last: Integers
+    before: Integers
+    age: Integers
+    lessons: Integers
+    gain: Reals
+    temperature: Reals
+    rewards: tuple[float, float, float]
+    rates: tuple[float, float, float, float]
+    hold: int
+    options: tuple[bool, bool]
+
+
+@compiled(nogil=True)
+def learn_skills(block, step, first_row, last_row):
     """Learn from the last step and write the commands of the skills that are chosen."""
-    situation, skill, last, before, age, lessons = doing
-    gain, temperature = worth
-    alpha, gamma, beta, coolest = rates
-    shared, frozen = options
+    rule = unpack(block, SkillRule)
+    if not begin_lesson(rule.lesson):
+        return UNBORN
+    robots, values, situation, skill = rule.robots, rule.values, rule.situation, rule.skill
+    kind, hot, fire, layer = robots.kind, robots.hot, robots.fire, robots.layer
+    last, before, age, lessons = rule.last, rule.before, rule.age, rule.lessons
+    gain, temperature = rule.gain, rule.temperature
+    alpha, gamma, beta, coolest = rule.rates
+    shared, frozen = rule.options
     for i in range(layer.shape[0]):
         row = 0 if shared else i
-        now = situation_of(kind, i, fire[i] >= 0, hot[i], heat[i])
+        now = situation_of(kind, i, fire[i] >= 0, hot[i], robots.heat[i])
         if skill[i] >= 0:
-            stood = last_command[i, 0] == 0.0 and last_command[i, 1] == 0.0
-            gain[i] += gamma ** age[i] * paid(fire[i], before[i], last[i], hot[i], stood, rewards)
+            stood = robots.last_command[i, 0] == 0.0 and robots.last_command[i, 1] == 0.0
+            gain[i] += gamma ** age[i] * paid(fire[i], before[i], last[i], hot[i], stood, rule.rewards)
             age[i] += 1
             lessons[i] += 0 if frozen else 1
         if fire[i] >= 0:
             last[i] = fire[i]
         before[i] = fire[i]
-        if skill[i] < 0 or now != situation[i] or age[i] >= hold:
+        if skill[i] < 0 or now != situation[i] or age[i] >= rule.hold:
             if skill[i] >= 0 and not frozen:
                 best = values[row, now, best_of(values[row, now])]
                 target = gain[i] + gamma ** age[i] * best
                 values[row, situation[i], skill[i]] += alpha * (target - values[row, situation[i], skill[i]])
             situation[i], age[i], gain[i] = now, 0, 0.0
-            skill[i] = chosen(values[row, now], temperature[i], chance[i])
+            skill[i] = chosen(values[row, now], temperature[i], rule.lesson.chance[i])
         if not frozen:
             temperature[i] -= beta * (temperature[i] - coolest)
         if layer[i] < 0:
-            command[i, 0], command[i, 1] = perform(
-                skill[i], distance, kind, bearing, forward, i, design[i], fire[i] >= 0,
-                tendency[i], max_speed[i], radius[i],
+            robots.command[i, 0], robots.command[i, 1] = perform(
+                skill[i], robots.distance, kind, robots.bearing, robots.forward, i, robots.design[i], fire[i] >= 0,
+                robots.tendency[i], robots.max_speed[i], robots.radius[i],
             )  # fmt: skip
-            layer[i] = index
+            layer[i] = robots.index
+    return end_lesson(rule.lesson, -1)  # means of rewards do not diverge
 
 
 @compiled

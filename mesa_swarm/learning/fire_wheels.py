@@ -3,16 +3,32 @@
 import math
 from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import RobotColumns, Senses
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import ACTIONS, action_of, best_of, chosen, drive_by_action, ranges_of
 from mesa_swarm.learning.fire_learning import body_of
-from mesa_swarm.learning.learner import CHECKS, COUNT, INDEX, LARGEST, NUMBER, POSITIVE, Check, Declared, NetworkLayer
+from mesa_swarm.learning.learner import (
+    CHECKS,
+    COUNT,
+    INDEX,
+    LARGEST,
+    NUMBER,
+    POSITIVE,
+    UNBORN,
+    Check,
+    Declared,
+    Lesson,
+    NetworkLayer,
+    begin_lesson,
+    end_lesson,
+)
 from mesa_swarm.learning.networks import Networks, PolicyOfNetworks
 from mesa_swarm.learning.policy import SensorLayout, check_designs
 from mesa_swarm.learning.q_learning import action_values, learn_network_value
@@ -187,49 +203,96 @@ class LearnFireWheels(NetworkLayer[FireWheelPolicy]):
             self._begin(new)  # which is overwritten: robots that come later have always drawn too
         super()._init_robots(new, others)
 
-    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        radiation = senses.radiation.max(axis=1) if senses.radiation.shape[1] else np.zeros(len(layer))
-        return learn_wheels(
-            (senses.distance, senses.kind, ranges_of(senses.sensors), radiation),
-            (senses.temperature, senses.heat, senses.hot, senses.fire),
-            senses.design, senses.max_speed, senses.last_command, self._weights,
-            tuple(map(self._column, REMEMBERED)), self._rng.random(len(layer)),
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "WheelRule"]:
+        """Return what learns and chooses."""
+        _, inputs, hidden = self._weights[0].shape
+        scratch = np.empty((1, inputs)), np.empty(hidden), np.empty(NETWORKS)
+        rule = (
             tuple(float(getattr(self, name)) for name in (*SHAPING, "margin")),
             (float(self.gamma), float(self.eta), float(self.beta), float(self.last_temperature)),
-            int(self.hold), float(self.full_heat), bool(self.frozen), command, layer, index,
-        )  # fmt: skip
+            int(self.hold),
+            float(self.full_heat),
+            bool(self.frozen),
+        )
+        memory = ranges_of(senses.sensors), self._weights, *map(self._column, REMEMBERED)
+        return learn_wheels, WheelRule(robots, self._lesson(), *memory, *rule, *scratch)
 
     def reason(self, moment: Moment) -> Reason:
         """Return the chosen action."""
         return Reason(f"it chose {action_of(moment.command)}, by what it learned and by chance")
 
 
-@compiled
-def learn_wheels(
-    eyes, body, design, max_speed, last_command, weights, memory, chance, shaping, rates, hold, full_heat, frozen,
-    command, layer, index,
-):  # fmt: skip
-    """Learn from the last step, choose actions where due; return a robot whose values diverged, or -1."""
-    distance, kind, ranges, radiation = eyes
-    temperature, heat, hot, fire = body
-    inputs, action, situation, age, lessons, gain, seen, boltzmann = memory
-    gamma, eta, beta, coolest = rates
-    now, hidden, values = np.empty((1, inputs.shape[1])), np.empty(weights[0].shape[2]), np.empty(NETWORKS)
+class WheelRule(NamedTuple):
+    """What `learn_wheels` takes.
+
+    Parameters
+    ----------
+    robots : RobotColumns
+    lesson : Lesson
+    ranges : ndarray, shape (d, s)
+    weights : tuple of ndarrays
+        Of the networks, see `networks.forward`.
+    inputs, action, situation, age, lessons, gain, seen, boltzmann : ndarrays of n rows
+        The columns `REMEMBERED`.
+    shaping : tuple of float
+        `SHAPING`, and the margin.
+    rates : tuple of float
+        Gamma, eta, beta and T_c.
+    hold : int
+    full_heat : float
+    frozen : bool
+    now, hidden, values : ndarrays
+        For inputs, units and outputs of one robot.
+    """
+
+    robots: RobotColumns
+    lesson: Lesson
+    ranges: RealRows
+    weights: tuple[RealTables, RealRows, RealRows, Reals]
+    inputs: RealRows
+    action: Integers
+    situation: Integers
+    age: Integers
+    lessons: Integers
+    gain: Reals
+    seen: Reals
+    boltzmann: Reals
+    shaping: tuple[float, float, float, float, float, float, float]
+    rates: tuple[float, float, float, float]
+    hold: int
+    full_heat: float
+    frozen: bool
+    now: RealRows
+    hidden: Reals
+    values: Reals
+
+
+@compiled(nogil=True)
+def learn_wheels(block, step, first_row, last_row):
+    """Learn from the last step of each robot, and choose actions where due."""
+    rule = unpack(block, WheelRule)
+    if not begin_lesson(rule.lesson):
+        return UNBORN
+    robots, weights, now, hidden, values = rule.robots, rule.weights, rule.now, rule.hidden, rule.values
+    temperature, heat, hot, fire, layer = robots.temperature, robots.heat, robots.hot, robots.fire, robots.layer
+    inputs, action, situation, age, lessons = rule.inputs, rule.action, rule.situation, rule.age, rule.lessons
+    gain, seen, boltzmann, frozen = rule.gain, rule.seen, rule.boltzmann, rule.frozen
+    gamma, eta, beta, coolest = rule.rates
     diverged = -1
     for i in range(layer.shape[0]):
         states = body_of(fire[i] >= 0, hot[i], heat[i])
-        nearest, clearance = write_sight(distance, kind, ranges[design[i]], i, now)
+        nearest, clearance = write_sight(robots.distance, robots.kind, rule.ranges[robots.design[i]], i, now)
         rest = now.shape[1] - OF_BODY
-        now[0, rest], now[0, rest + 1] = radiation[i], min(temperature[i] / full_heat, 1.0)
+        now[0, rest], now[0, rest + 1] = feel_strongest(robots.radiation, i), min(temperature[i] / rule.full_heat, 1.0)
         now[0, rest + 2], now[0, rest + 3], now[0, rest + 4] = hot[i], heat[i] > 0.0, fire[i] >= 0
         if action[i] >= 0:
-            moved = 0.5 * (last_command[i, 0] + last_command[i, 1]) / max(max_speed[i], 1e-300)
-            came = (seen[i] - nearest) / max(max_speed[i], 1e-300)
-            reward = shaped(states, nearest, seen[i], came, moved, clearance, shaping)
+            moved = 0.5 * (robots.last_command[i, 0] + robots.last_command[i, 1]) / max(robots.max_speed[i], 1e-300)
+            came = (seen[i] - nearest) / max(robots.max_speed[i], 1e-300)
+            reward = shaped(states, nearest, seen[i], came, moved, clearance, rule.shaping)
             gain[i] += gamma ** age[i] * reward
             age[i] += 1
         seen[i] = nearest
-        if action[i] < 0 or age[i] >= hold or states != situation[i]:
+        if action[i] < 0 or age[i] >= rule.hold or states != situation[i]:
             action_values(weights, 0, now, 0, hidden, values)
             if action[i] >= 0 and not frozen:
                 target = gain[i] + gamma ** age[i] * values[best_of(values)]
@@ -240,14 +303,23 @@ def learn_wheels(
                 action_values(weights, 0, now, 0, hidden, values)
             inputs[i] = now[0]
             situation[i], age[i], gain[i] = states, 0, 0.0
-            action[i] = chosen(values, boltzmann[i], chance[i])
+            action[i] = chosen(values, boltzmann[i], rule.lesson.chance[i])
         if not frozen:
             boltzmann[i] -= beta * (boltzmann[i] - coolest)
         if layer[i] < 0:
-            drive_by_action(action[i], i, max_speed, command, layer, index)
+            drive_by_action(action[i], i, robots.max_speed, robots.command, layer, robots.index)
         else:
             action[i] = -1
-    return diverged
+    return end_lesson(rule.lesson, diverged)
+
+
+@compiled
+def feel_strongest(radiation, i):
+    """Return the largest reading of the radiation sensors of robot i, 0 without any."""
+    strongest = 0.0
+    for q in range(radiation.shape[1]):
+        strongest = max(strongest, radiation[i, q])
+    return strongest
 
 
 @compiled

@@ -4,15 +4,28 @@ import math
 import warnings
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import RobotColumns, Senses
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import ranges_of
-from mesa_swarm.learning.learner import NUMBER, POSITIVE, SHARE, Check, Declared, RewardedLayer
+from mesa_swarm.learning.learner import (
+    NUMBER,
+    POSITIVE,
+    SHARE,
+    UNBORN,
+    Check,
+    Declared,
+    Lesson,
+    RewardedLayer,
+    begin_lesson,
+    end_lesson,
+)
 from mesa_swarm.learning.reflex_policy import CONSTANT, WHIM, ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 
@@ -79,6 +92,7 @@ class HebbianLearning(RewardedLayer[ReflexPolicy]):
     """
 
     policy_class = ReflexPolicy
+    draws = False
     learned = ("weights", "constant")
     stated = ("eta", "forgetting", "contact", "limit")
     checks: ClassVar[dict[str, Check]] = {
@@ -145,44 +159,81 @@ class HebbianLearning(RewardedLayer[ReflexPolicy]):
         wheel: Any = self.start.wheel if self.start else ()
         return {"weights": wheel[:, :WHIM], "constant": wheel[:, CONSTANT]}
 
-    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        sensed = senses.distance, ranges_of(senses.sensors), senses.bearing, senses.design, senses.max_speed
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "HebbianRule"]:
+        """Return what learns and drives."""
         learned = map(self._column, ("weights", "constant", "command", "reward", "lessons"))
-        reward, rates = (REWARDS.index(self.reward), float(self.critical)), (self.eta, self.forgetting, self.limit)
-        rule = reward, tuple(map(float, rates)), float(self.contact), bool(self.frozen)
-        associate(*sensed, *learned, *rule, command, layer, index)
-        return -1  # weights are limited
+        paying, inputs = (REWARDS.index(self.reward), float(self.critical)), np.empty(senses.distance.shape[1])
+        rates = float(self.eta), float(self.forgetting), float(self.limit)
+        rule = paying, rates, float(self.contact), bool(self.frozen)
+        return associate, HebbianRule(robots, self._lesson(), ranges_of(senses.sensors), inputs, *learned, *rule)
 
 
-@compiled
-def associate(
-    distance, ranges, bearing, design, max_speed, weights, constant, last, rewards, lessons, paying, rates, contact,
-    frozen, command, layer, index,
-):  # fmt: skip
+class HebbianRule(NamedTuple):
+    """What `associate` takes.
+
+    Parameters
+    ----------
+    robots : RobotColumns
+    lesson : Lesson
+    ranges : ndarray, shape (d, s)
+    inputs : ndarray, shape (s,)
+        Of one robot.
+    weights, constant, last, rewards, lessons : ndarrays of n rows
+        Columns of robots; `last` are their last commands.
+    paying : (int, float)
+        A place in `REWARDS`, and the critical reading.
+    rates : tuple of float
+        Eta, forgetting and the limit of weights.
+    contact : float
+    frozen : bool
+    """
+
+    robots: RobotColumns
+    lesson: Lesson
+    ranges: RealRows
+    inputs: Reals
+    weights: RealTables
+    constant: RealRows
+    last: RealRows
+    rewards: Reals
+    lessons: Integers
+    paying: tuple[int, float]
+    rates: tuple[float, float, float]
+    contact: float
+    frozen: bool
+
+
+@compiled(nogil=True)
+def associate(block, step, first_row, last_row):
     """Learn from the contacts of each robot, and drive it by its weights and its reflex."""
-    inputs = np.empty(distance.shape[1])
+    rule = unpack(block, HebbianRule)
+    if not begin_lesson(rule.lesson):
+        return UNBORN
+    robots, inputs, weights, constant, last = rule.robots, rule.inputs, rule.weights, rule.constant, rule.last
+    distance, layer, paying, frozen = robots.distance, robots.layer, rule.paying, rule.frozen
     for i in range(layer.shape[0]):
         nearest = 0.0
         for s in range(inputs.shape[0]):
-            inputs[s] = nearness(distance[i, s], ranges[design[i], s])
+            inputs[s] = nearness(distance[i, s], rule.ranges[robots.design[i], s])
             nearest = max(nearest, inputs[s])
         own = not math.isnan(last[i, 0])
         if own:
-            rewards[i] = rewarded(paying[0], 1.0 - nearest, last[i, 0], last[i, 1], paying[1])
-        left, right = (0.0, 0.0) if frozen else reflex_to(distance, bearing, i, design[i], contact)
+            rule.rewards[i] = rewarded(paying[0], 1.0 - nearest, last[i, 0], last[i, 1], paying[1])
+        left, right = (0.0, 0.0) if frozen else reflex_to(distance, robots.bearing, i, robots.design[i], rule.contact)
         wheels = constant[i, 0], constant[i, 1]
         for s in range(inputs.shape[0]):
             wheels = wheels[0] + weights[i, s, 0] * inputs[s], wheels[1] + weights[i, s, 1] * inputs[s]
         if own and not frozen:
-            lessons[i] += 1
-            strengthen(weights, i, inputs, left, right, rates)
+            rule.lessons[i] += 1
+            strengthen(weights, i, inputs, left, right, rule.rates)
         last[i, 0] = math.nan
         if layer[i] < 0:
             last[i, 0] = min(max(wheels[0] + left, -1.0), 1.0)
             last[i, 1] = min(max(wheels[1] + right, -1.0), 1.0)
-            command[i, 0] = max_speed[i] * last[i, 0]
-            command[i, 1] = max_speed[i] * last[i, 1]
-            layer[i] = index
+            robots.command[i, 0] = robots.max_speed[i] * last[i, 0]
+            robots.command[i, 1] = robots.max_speed[i] * last[i, 1]
+            layer[i] = robots.index
+    return end_lesson(rule.lesson, -1)  # weights are limited
 
 
 @compiled

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
 from importlib.metadata import version
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,8 +24,12 @@ from mesa_swarm.base.errors import (
     check_number,
     shortened,
 )
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import CompiledLayer, Senses, columns_for, kernel_with
+from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import ENCODINGS, check_action_count, ranges_of
 from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks, PolicyOfNetworks, random_weights
 from mesa_swarm.learning.policy import LearnedPolicy, check_designs, sensors_of
@@ -84,7 +88,64 @@ class UnboundState:
                 columns[prefix + name.removeprefix(self.prefix)][known] = old[then]
 
 
-class LearningLayer(Generic[P]):
+# What functions of learners return where Python is due: robots have not begun to learn; values have diverged.
+UNBORN, DIVERGED = 1, 2
+# Of a row of `SharedColumn`.
+SHARED_NUMBERS = 3
+
+
+class Lesson(NamedTuple):
+    """What the functions of all learners take.
+
+    Parameters
+    ----------
+    born : bool ndarray, shape (n,)
+        Which robots have begun.
+    shared : int64 ndarray, shape (k, 3)
+        Rows of `SharedColumn`: of what all robots learn together.
+    chance : ndarray, shape (n,)
+        Random numbers of a step, empty for learners that draw none.
+    stream : Stream
+    diverged : int64 ndarray, shape (1,)
+        The row of a robot whose values have diverged, or -1.
+    """
+
+    born: Flags
+    shared: IntegerRows
+    chance: Reals
+    stream: Stream
+    diverged: Integers
+
+
+class SharedColumn(NamedTuple):
+    """A column (n, k) of what all robots learn together."""
+
+    column: RealRows
+
+
+@compiled
+def begin_lesson(lesson):
+    """Draw the random numbers of a step, and return True; False where robots have not begun."""
+    for i in range(lesson.born.shape[0]):
+        if not lesson.born[i]:
+            return False
+    for i in range(lesson.chance.shape[0]):
+        lesson.chance[i] = draw_number(lesson.stream)
+    return True
+
+
+@compiled
+def end_lesson(lesson, diverged):
+    """Let all robots have what the first has learned, where they share it; return the code of the function."""
+    for k in range(lesson.shared.shape[0]):
+        column = unpack(lesson.shared[k], SharedColumn).column
+        for i in range(1, column.shape[0]):
+            column[i] = column[0]
+    lesson.diverged[0] = diverged
+    return 0 if diverged < 0 else DIVERGED
+
+
+class LearningLayer(CompiledLayer, Generic[P]):
     """Base of layers that learn: bound again in the same model, they continue as if never unbound.
 
     Attributes
@@ -101,8 +162,12 @@ class LearningLayer(Generic[P]):
         What its own parameters may be, besides `CHECKS`.
     acts_untrained : bool
         Whether it may be frozen without a trained start.
+    draws : bool
+        Whether it draws a random number for each robot in every step.
     """
 
+    commands_wheels: ClassVar[bool | None] = None
+    draws: ClassVar[bool] = True
     policy_class: ClassVar[Any]
     learned: ClassVar[tuple[str, ...]] = ("values",)
     of_policies: ClassVar[tuple[str, ...]] = ()
@@ -160,23 +225,39 @@ class LearningLayer(Generic[P]):
         """Copy the columns, which are about to be dropped."""
         self._home = UnboundState(self._robots, self._prefix)
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from the last step, choose where it is due, and drive robots that no other layer drives.
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
+        """Return what learns from the last step, chooses where it is due, and drives robots that no other layer drives.
 
-        Values that diverge are an error that names the robot; what was learned before is unchanged.
+        Robots that have come begin in Python. Values that diverge are an error that names the robot; what was learned
+        before is unchanged.
         """
-        self._init_new_robots()
-        diverged = self._learn(senses, command, layer, index)
-        if self.shared and not self.frozen:
-            for column in map(self._column, self.learned):
-                column[1:] = column[:1]
-        if diverged >= 0:
-            robot = self._robots.agents[diverged]
-            rates = " or ".join(name for name in ("eta", "alpha", "gamma") if hasattr(self, name))
-            raise LearningError(
-                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: its values grow "
-                f"beyond all bounds; lower {rates}"
-            )
+        function, rule = self.arguments(columns_for(senses, command, layer, index), senses)
+
+        def attend(code: int) -> None:
+            if code == UNBORN:
+                self._init_new_robots()
+            else:
+                self._refuse_diverged(int(rule.lesson.diverged[0]))  # type: ignore[attr-defined]
+
+        return kernel_with(function, rule)._replace(attend=attend)
+
+    def _lesson(self) -> "Lesson":
+        """Return what the functions of all learners take."""
+        born = self._column("born")
+        shared = map(self._column, self.learned) if self.shared and not self.frozen and len(born) else ()
+        blocks = tuple(Block(SharedColumn(column.reshape(len(column), -1))) for column in shared)
+        rows = np.array([block.numbers for block in blocks], np.int64).reshape(-1, SHARED_NUMBERS)
+        chance = np.empty(len(born) if self.draws else 0)
+        return Lesson(born, rows, chance, stream_of(self._rng), np.array([-1]))
+
+    def _refuse_diverged(self, row: int) -> None:
+        """Raise an error for the robot in this row, whose values have diverged."""
+        robot = self._robots.agents[row]
+        rates = " or ".join(name for name in ("eta", "alpha", "gamma") if hasattr(self, name))
+        raise LearningError(
+            f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: its values grow "
+            f"beyond all bounds; lower {rates}"
+        )
 
     def policy(self, **training: str | float) -> P:
         """Return what all robots have learned so far as a policy that no longer learns.
@@ -197,10 +278,6 @@ class LearningLayer(Generic[P]):
 
     def _columns(self) -> dict[str, Declared]:
         """Return the columns in which robots remember; those that count lessons and robots are added."""
-        raise NotImplementedError
-
-    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        """Make a step of all robots, see `decide`; return the row of one whose values diverged, or -1."""
         raise NotImplementedError
 
     def _fields_of_policy(self) -> dict[str, Any]:
@@ -507,20 +584,15 @@ class Learner(NetworkLayer[Q], RewardedLayer[Q]):
         share = np.minimum(1.0, self._column("bumps") / self.bump_rate) if self.self_adjusting else 0.0
         return np.full(len(self._robots), self.gamma) + (self._alert - self.gamma) * share
 
-    def _kernel_arguments(self, senses: Senses) -> tuple[object, ...]:
-        """Return the first arguments of the learners' compiled functions; draw each robot's chance of this step."""
-        return (
-            senses.distance,
-            senses.kind,
+    def _network_lesson(self, senses: Senses) -> "NetworkLesson":
+        """Return what the functions of learners with networks take."""
+        memory = map(self._column, ("lessons", "reward", "temperature", "bumps"))
+        return NetworkLesson(
             ranges_of(senses.sensors),
-            senses.design,
-            senses.max_speed,
             self._weights,
             self._last_inputs(),
-            self._column("action"),
-            self._column("lessons"),
-            (*map(self._column, ("reward", "temperature", "bumps")), self._pace()),
-            self._rng.random(len(senses.design)),
+            *memory,
+            self._pace(),
             REWARDS.index(self.reward),
             (float(self.gamma), float(self._alert), float(self.critical)),
             (float(self.alpha) * float(self.eta), float(self.alpha) * float(self._least_eta)),
@@ -542,6 +614,49 @@ class Learner(NetworkLayer[Q], RewardedLayer[Q]):
         inner, bias, outer, outer_bias = (weights[rows] for weights in self._weights)
         hidden = np.tanh(bias + np.einsum("i,mih->mh", self._last_inputs()[row], inner))
         return outer_bias + (hidden * outer).sum(axis=1)
+
+
+class NetworkLesson(NamedTuple):
+    """What the functions of `Learner` take.
+
+    Parameters
+    ----------
+    ranges : ndarray, shape (d, s)
+        Of proximity sensors.
+    weights : tuple of ndarrays
+        Of all networks, robot after robot, see `networks.forward`.
+    inputs : ndarray, shape (n, k)
+        The last of each robot.
+    lessons, rewards, temperature, bumps, pace : ndarrays, shape (n,)
+        Columns of robots; `pace` is empty where they do not remember it.
+    reward : int
+        A place in `REWARDS`.
+    discounts : tuple of float
+        Gamma, gamma of a robot that bumps often, and the critical reading.
+    rates : tuple of float
+        Weights of a correction at T_0 and T_c.
+    cooling : tuple of float
+        Beta, T_0 and T_c.
+    bumping : tuple of float
+        The usual rate of bumps, the share of a step in it, the largest reading of a bump, the least speed.
+    options : tuple of bool
+        Whether robots learn together, adjust themselves, only act, and are rewarded of the next state.
+    """
+
+    ranges: RealRows
+    weights: tuple[RealTables, RealRows, RealRows, Reals]
+    inputs: RealRows
+    lessons: Integers
+    rewards: Reals
+    temperature: Reals
+    bumps: Reals
+    pace: Reals
+    reward: int
+    discounts: tuple[float, float, float]
+    rates: tuple[float, float]
+    cooling: tuple[float, float, float]
+    bumping: tuple[float, float, float, float]
+    options: tuple[bool, bool, bool, bool]
 
 
 @compiled

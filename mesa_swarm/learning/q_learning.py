@@ -3,14 +3,17 @@
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, shortened
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import RobotColumns, Senses
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import draw_number
+from mesa_swarm.kernels.type_names import IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import (
     ACTIONS,
     ENCODINGS,
@@ -26,12 +29,17 @@ from mesa_swarm.learning.actions import (
 )
 from mesa_swarm.learning.learner import (
     INDEX,
+    UNBORN,
     Check,
     Declared,
     Learner,
+    Lesson,
+    NetworkLesson,
     UnboundState,
     adapt,
+    begin_lesson,
     discount_of,
+    end_lesson,
     is_bounded,
     rate_of,
 )
@@ -298,8 +306,13 @@ class QLearning(Learner[QPolicy]):
     start: QPolicy | None = None
     name: str = "QLearning"
 
-    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        return learn_and_choose(*self._kernel_arguments(senses), self._past(), command, layer, index)
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "QRule"]:
+        """Return what learns and chooses."""
+        lesson = self._network_lesson(senses)
+        _, inputs, hidden = lesson.weights[0].shape
+        scratch = np.empty((1, inputs)), np.empty(hidden), np.empty(self._count)
+        action = self._column("action")
+        return learn_and_choose, QRule(robots, self._lesson(), lesson, action, self._past(), *scratch)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Make the columns of the swarm; in the same model, continue with what was learned before."""
@@ -323,16 +336,16 @@ class QLearning(Learner[QPolicy]):
         columns = (inputs, inputs, ((self.replay,), np.int64, 0), ((self.replay,), np.float64, 0.0))
         return {**super()._columns(), **(dict(zip(REPLAYED, columns, strict=True)) if self.replay else {})}
 
-    def _past(self) -> tuple[np.ndarray, ...]:
-        """Return all stored experiences, and the chances by which those to learn from again are drawn."""
+    def _past(self) -> "StoredPast":
+        """Return all stored experiences, and where the chances are drawn for those to learn from again."""
         robots = len(self._column("action"))
         self._check_replay()
         if not self.replay:
             nothing, none = np.empty((robots, 0, 0)), np.empty((robots, 0))
-            return nothing, nothing, np.empty((robots, 0), np.int64), none, none
+            return StoredPast(nothing, nothing, np.empty((robots, 0), np.int64), none, none)
         before, after, *others = map(self._column, REPLAYED)
         shape = (*before.shape[:2], math.prod(before.shape[2:]))
-        return before.reshape(shape), after.reshape(shape), *others, self._rng.random((robots, self.replays))
+        return StoredPast(before.reshape(shape), after.reshape(shape), *others, np.empty((robots, self.replays)))
 
     def _set_apart(self) -> list[str]:
         return [*super()._set_apart(), *(("replay", "replays") if self.replay else ())]
@@ -352,22 +365,60 @@ class QLearning(Learner[QPolicy]):
         return Reason(f"it chose {action_of(moment.command)}, by what it learned and by chance,{beside}", near)
 
 
-@compiled
-def learn_and_choose(
-    distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance,
-    reward, discounts, rates, cooling, bumping, options, past, command, layer, index,
-):  # fmt: skip
-    """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
-    rewards, temperature, bumps, pace = memory
-    gamma, alert, critical = discounts
-    shared, self_adjusting, frozen, afterwards = options
-    robots = layer.shape[0]
-    count = weights[3].shape[0] // max(robots, 1)
-    now, hidden, values = np.empty((1, inputs.shape[1])), np.empty(weights[0].shape[2]), np.empty(count)
+class StoredPast(NamedTuple):
+    """Experiences that robots store.
+
+    Parameters
+    ----------
+    before, after : ndarrays, shape (n, e, k)
+        Inputs before and after each.
+    action, reward : ndarrays, shape (n, e)
+    chance : ndarray, shape (n, replays)
+        By which those to learn from again are drawn.
+    """
+
+    before: RealTables
+    after: RealTables
+    action: IntegerRows
+    reward: RealRows
+    chance: RealRows
+
+
+class QRule(NamedTuple):
+    """What `learn_and_choose` takes; `now`, `hidden` and `values` are for inputs, units and outputs of one robot."""
+
+    robots: RobotColumns
+    lesson: Lesson
+    networks: NetworkLesson
+    action: Integers
+    past: StoredPast
+    now: RealRows
+    hidden: Reals
+    values: Reals
+
+
+@compiled(nogil=True)
+def learn_and_choose(block, step, first_row, last_row):
+    """Learn from the last action of each robot, and choose the next."""
+    rule = unpack(block, QRule)
+    if not begin_lesson(rule.lesson):
+        return UNBORN
+    robots, networks, action, past = rule.robots, rule.networks, rule.action, rule.past
+    for i in range(past.chance.shape[0]):
+        for k in range(past.chance.shape[1]):
+            past.chance[i, k] = draw_number(rule.lesson.stream)
+    distance, kind, command, layer = robots.distance, robots.kind, robots.command, robots.layer
+    ranges, weights, inputs, lessons = networks.ranges, networks.weights, networks.inputs, networks.lessons
+    rewards, temperature, bumps, pace = networks.rewards, networks.temperature, networks.bumps, networks.pace
+    reward, rates, cooling, bumping = networks.reward, networks.rates, networks.cooling, networks.bumping
+    gamma, alert, critical = networks.discounts
+    shared, self_adjusting, frozen, afterwards = networks.options
+    chance, now, hidden, values = rule.lesson.chance, rule.now, rule.hidden, rule.values
+    count = values.shape[0]
     diverged = -1
-    for i in range(robots):
+    for i in range(layer.shape[0]):
         first = 0 if shared else i * count
-        nearest = write_inputs(distance, kind, ranges, i, design[i], now, 0)
+        nearest = write_inputs(distance, kind, ranges, i, robots.design[i], now, 0)
         action_values(weights, first, now, 0, hidden, values)
         a = action[i]
         if a >= 0:
@@ -381,7 +432,7 @@ def learn_and_choose(
             elif not frozen:
                 lessons[i] += 1
             action_values(weights, first + a, now, 0, hidden, values[a : a + 1])
-            if not frozen and past[2].shape[1]:
+            if not frozen and past.action.shape[1]:
                 store(past, i, lessons[i], inputs, a, rewards[i], now)
                 if not learn_again(weights, first, past, i, lessons[i], hidden, values, discount, rate):
                     diverged = i if diverged < 0 else diverged
@@ -392,16 +443,16 @@ def learn_and_choose(
         action[i] = -1
         if layer[i] < 0:
             action[i] = chosen(values, temperature[i], chance[i])
-            drive_by_action(action[i], i, max_speed, command, layer, index)
+            drive_by_action(action[i], i, robots.max_speed, command, layer, robots.index)
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
-    return diverged
+    return end_lesson(rule.lesson, diverged)
 
 
 @compiled
 def store(past, i, lessons, inputs, action, reward, now):
     """Store the last experience of robot i, its `lessons`-th, in place of its oldest."""
-    before, after, actions, rewards, _ = past
+    before, after, actions, rewards = past.before, past.after, past.action, past.reward
     e = (lessons - 1) % actions.shape[1]
     actions[i, e], rewards[i, e] = action, reward
     for k in range(inputs.shape[1]):
@@ -411,7 +462,7 @@ def store(past, i, lessons, inputs, action, reward, now):
 @compiled
 def learn_again(weights, first, past, i, lessons, hidden, values, discount, rate):
     """Learn again from stored experiences of robot i, which chances draw; return False if its values diverge."""
-    before, after, actions, rewards, chances = past
+    before, after, actions, rewards, chances = past.before, past.after, past.action, past.reward, past.chance
     stored = min(lessons, actions.shape[1])
     for k in range(chances.shape[1]):
         e = min(int(chances[i, k] * stored), stored - 1)

@@ -4,14 +4,16 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import RobotColumns, Senses
+from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import (
     ACTIONS,
     action_of,
@@ -23,7 +25,20 @@ from mesa_swarm.learning.actions import (
     named_values,
     ranges_of,
 )
-from mesa_swarm.learning.learner import COUNT, INDEX, NUMBER, POSITIVE, Check, Declared, RewardedLayer, TableLayer
+from mesa_swarm.learning.learner import (
+    COUNT,
+    INDEX,
+    NUMBER,
+    POSITIVE,
+    UNBORN,
+    Check,
+    Declared,
+    Lesson,
+    RewardedLayer,
+    TableLayer,
+    begin_lesson,
+    end_lesson,
+)
 from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARDS, STATE, rewarded
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -210,17 +225,17 @@ class TableQLearning(TableLayer[TablePolicy], RewardedLayer[TablePolicy]):
             "temperature": ((), np.float64, self._begun_at),
         }
 
-    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        learn_table(
-            senses.distance, ranges_of(senses.sensors), senses.bearing, senses.design, senses.max_speed,
-            self._column("values"), tuple(map(self._column, ("state", "action", "lessons"))),
-            tuple(map(self._column, ("nearest", "reward", "temperature"))),
-            self._rng.random(len(layer)), np.array(self.edges), int(self.sectors), REWARDS.index(self.reward),
+    def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "TableRule"]:
+        """Return what learns and chooses."""
+        memory = map(self._column, ("values", "state", "action", "lessons", "nearest", "reward", "temperature"))
+        rule = (
+            REWARDS.index(self.reward),
             (float(self.alpha), float(self.gamma), float(self.critical)),
             (float(self.beta), float(self.last_temperature)),
-            (bool(self.shared), bool(self.frozen), self.reward_of == NEXT_STATE), command, layer, index,
-        )  # fmt: skip
-        return -1  # means of rewards do not diverge
+            (bool(self.shared), bool(self.frozen), self.reward_of == NEXT_STATE),
+        )
+        states = ranges_of(senses.sensors), np.array(self.edges, float), np.empty(int(self.sectors))
+        return learn_table, TableRule(robots, self._lesson(), *memory, *states, *rule)
 
     def worth(self, row: int) -> list[tuple[str, float]]:
         """Return the name and value Q(s, a) of each action in the last state of the robot in this row."""
@@ -263,25 +278,66 @@ def state_of(distance, ranges, bearing, i, d, edges, sectors, nearest):
     return state
 
 
-@compiled
-def learn_table(
-    distance, ranges, bearing, design, max_speed, values, doing, worth, chance, edges, sectors, reward, rates,
-    cooling, options, command, layer, index,
-):  # fmt: skip
-    """Learn from the last action by (7.3) and choose the next."""
-    state, action, lessons = doing
-    last, rewards, temperature = worth
-    alpha, gamma, critical = rates
-    beta, coolest = cooling
-    shared, frozen, afterwards = options
-    nearest = np.empty(sectors)
+class TableRule(NamedTuple):
+    """What `learn_table` takes.
+
+    Parameters
+    ----------
+    robots : RobotColumns
+    lesson : Lesson
+    values : ndarray, shape (n, states, actions)
+    state, action, lessons : int64 ndarrays, shape (n,)
+    last, rewards, temperature : ndarrays, shape (n,)
+        The nearest reading in the last state, and more columns of robots.
+    ranges : ndarray, shape (d, s)
+    edges, nearest : ndarrays, shapes (edges,), (sectors,)
+        Edges between bins, and the nearest reading of each sector of one robot.
+    reward : int
+        A place in `REWARDS`.
+    rates, cooling, options : tuples
+        Alpha, gamma and the critical reading; beta and T_c; whether robots learn together, only act, and are rewarded
+        of the next state.
+    """
+
+    robots: RobotColumns
+    lesson: Lesson
+    values: RealTables
+    state: Integers
+    action: Integers
+    lessons: Integers
+    last: Reals
+    rewards: Reals
+    temperature: Reals
+    ranges: RealRows
+    edges: Reals
+    nearest: Reals
+    reward: int
+    rates: tuple[float, float, float]
+    cooling: tuple[float, float]
+    options: tuple[bool, bool, bool]
+
+
+@compiled(nogil=True)
+def learn_table(block, step, first_row, last_row):
+    """Learn from the last action of each robot by (7.3), and choose the next."""
+    rule = unpack(block, TableRule)
+    if not begin_lesson(rule.lesson):
+        return UNBORN
+    robots, values, edges, nearest = rule.robots, rule.values, rule.edges, rule.nearest
+    state, action, lessons, layer = rule.state, rule.action, rule.lessons, robots.layer
+    last, rewards, temperature = rule.last, rule.rewards, rule.temperature
+    alpha, gamma, critical = rule.rates
+    beta, coolest = rule.cooling
+    shared, frozen, afterwards = rule.options
     for i in range(layer.shape[0]):
         row = 0 if shared else i
-        now = state_of(distance, ranges, bearing, i, design[i], edges, sectors, nearest)
+        now = state_of(
+            robots.distance, rule.ranges, robots.bearing, i, robots.design[i], edges, nearest.shape[0], nearest
+        )
         least = nearest.min()
         a = action[i]
         if a >= 0:
-            rewards[i] = rewarded(reward, least if afterwards else last[i], ACTIONS[a, 0], ACTIONS[a, 1], critical)
+            rewards[i] = rewarded(rule.reward, least if afterwards else last[i], ACTIONS[a, 0], ACTIONS[a, 1], critical)
             if not frozen:
                 lessons[i] += 1
                 target = rewards[i] + gamma * values[row, now, best_of(values[row, now])]
@@ -290,8 +346,9 @@ def learn_table(
             temperature[i] -= beta * (temperature[i] - coolest)
         state[i], last[i], action[i] = now, least, -1
         if layer[i] < 0:
-            action[i] = chosen(values[row, now], temperature[i], chance[i])
-            drive_by_action(action[i], i, max_speed, command, layer, index)
+            action[i] = chosen(values[row, now], temperature[i], rule.lesson.chance[i])
+            drive_by_action(action[i], i, robots.max_speed, robots.command, layer, robots.index)
+    return end_lesson(rule.lesson, -1)  # means of rewards do not diverge
 
 
 @compiled

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import Senses, columns_for
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, least_of, write_inputs
-from mesa_swarm.learning.learner import LARGEST, Check, Learner, adapt, discount_of, is_bounded, rate_of
+from mesa_swarm.learning.learner import LARGEST, Check, Learner, adapt, discount_of, end_lesson, is_bounded, rate_of
 from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward
 from mesa_swarm.learning.rewards import rewarded
 
@@ -225,10 +225,18 @@ shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, leas
     start: WirePolicy | None = None
     name: str = "WireFittedQ"
 
-    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        known = self._kernel_arguments(senses)
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Learn from the last step, choose, and drive robots that no other layer drives.
+
+        In Python, since NumPy draws normal errors by no function that compiled ones can call.
+        """
+        self._init_new_robots()
+        robots, lesson = columns_for(senses, command, layer, index), self._lesson()
+        lesson.chance[:] = self._rng.random(len(layer))
         errors = float(self.jitter) * self._rng.normal(size=(len(layer), 2))
-        return learn_wires(*known, errors, self.wires, command, layer, index)
+        networks, action = self._network_lesson(senses), self._column("action")
+        if learn_wires(robots, lesson, networks, action, errors, self.wires):
+            self._refuse_diverged(int(lesson.diverged[0]))
 
     def worth(self, row: int) -> list[tuple[str, float]]:
         """Return the values of a robot's wires at its last choice; see `QLearning.worth`."""
@@ -243,20 +251,20 @@ shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, leas
 
 
 @compiled
-def learn_wires(
-    distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance,
-    reward, discounts, rates, cooling, bumping, options, errors, wires, command, layer, index,
-):  # fmt: skip
-    """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
-    rewards, temperature, bumps, pace = memory
-    gamma, alert, critical = discounts
-    shared, self_adjusting, frozen, afterwards = options
+def learn_wires(robots, lesson, networks, action, errors, wires):
+    """Learn from the last action and choose the next; return a code, see `Lesson`."""
+    distance, kind, command, layer = robots.distance, robots.kind, robots.command, robots.layer
+    ranges, weights, inputs, lessons = networks.ranges, networks.weights, networks.inputs, networks.lessons
+    rewards, temperature, bumps, pace = networks.rewards, networks.temperature, networks.bumps, networks.pace
+    reward, rates, cooling, bumping = networks.reward, networks.rates, networks.cooling, networks.bumping
+    gamma, alert, critical = networks.discounts
+    shared, self_adjusting, frozen, afterwards = networks.options
     now, hidden = np.empty((1, inputs.shape[1])), np.empty((OUTPUTS * wires, weights[0].shape[2]))
     ends, values = np.empty((wires, 2)), np.empty(wires)
     diverged = -1
     for i in range(layer.shape[0]):
         first = 0 if shared else i * OUTPUTS * wires
-        nearest = write_inputs(distance, kind, ranges, i, design[i], now, 0)
+        nearest = write_inputs(distance, kind, ranges, i, robots.design[i], now, 0)
         propose(weights, first, now, 0, hidden, ends, values)
         if not math.isnan(action[i, 0]):
             reading = nearest if afterwards else least_of(inputs, i, distance.shape[1])
@@ -276,15 +284,15 @@ def learn_wires(
             adapt(distance, i, ahead, temperature, bumps, pace, cooling, bumping, self_adjusting)
         action[i, 0] = math.nan
         if layer[i] < 0:
-            w = chosen(values, temperature[i], chance[i])
+            w = chosen(values, temperature[i], lesson.chance[i])
             for side in range(2):
                 tried = ends[w, side] + temperature[i] * errors[i, side]
                 action[i, side] = min(max(tried, -1.0), 1.0)
-                command[i, side] = max_speed[i] * action[i, side]
-            layer[i] = index
+                command[i, side] = robots.max_speed[i] * action[i, side]
+            layer[i] = robots.index
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
-    return diverged
+    return end_lesson(lesson, diverged)
 
 
 @compiled

@@ -1,6 +1,7 @@
 """The part `bodies`: obstacles, loads, driven bodies and marks, and the scene that they make."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import mesa
@@ -10,8 +11,10 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
 from mesa_swarm.geometry.overlap import wrap_angle
-from mesa_swarm.kernels.part import Column, Part, Phase, Stage
+from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.model.state_hash import describe_bodies
+from mesa_swarm.physics.driven_bodies import BeginArrays, EndArrays, Moving, begin_ways, end_ways
 from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.robot import Robot
@@ -58,6 +61,9 @@ class SceneCache:
     moves: bool | None = None
     followers = True
 
+    def __init__(self) -> None:
+        self.beginning, self.ending = Prepared(), Prepared()
+
     def __reduce__(self) -> tuple:
         return type(self), ()
 
@@ -90,10 +96,10 @@ class BodiesPart(Part):
         """Follow agents before robots sense; rest before robots move, and afterwards: where bodies may move."""
         self.scene()
         if self.cache.followers:
-            yield Stage(Phase.SENSE, self.follow, "bodies follow their agents")
+            yield Stage(Phase.SENSE, self.follow, "bodies follow their agents", python="agents")
         if self.moves:
-            yield Stage(Phase.MOVE, self.begin_move, "driven bodies begin their ways", compiled="place_items")
-            yield Stage(Phase.RESOLVE, self.end_move, "bodies rest, and are carried along")
+            yield Stage(Phase.MOVE, self.begin_move, "driven bodies begin their ways", self.beginning())
+            yield Stage(Phase.RESOLVE, self.end_move, "bodies rest, and are carried along", self.ending())
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -135,21 +141,71 @@ class BodiesPart(Part):
 
     def begin_move(self) -> None:
         """Forget what bodies did in the last step, and store where they are now; in a world without robots, move."""
-        if not self.moves:
-            return
-        self.table.pushers[:], self.table.moved[:] = 0, False
-        moving = self.scene().moving
-        if moving is not None:
-            moving.begin()
-            if not len(self.swarm):
-                begin_way(self.scene())
-                moving.go_freely()
+        if self.moves:
+            self.beginning().run(self.model.completed + 1, len(self.swarm))
+
+    def beginning(self) -> Kernel:
+        """Return what begins the ways of bodies, made anew when these have changed."""
+        scene, prepared = self.scene(), self.cache.beginning
+        if prepared.state is not scene:
+            table, moving = self.table, scene.moving
+            start = (table.position, table.heading) if moving is None else (moving.start, moving.start_heading)
+            arrays = BeginArrays(
+                pushers=table.pushers,
+                moved=table.moved,
+                position=table.position,
+                heading=table.heading,
+                start=start[0],
+                start_heading=start[1],
+                driven=moving is not None,
+                gone=np.zeros(1, np.bool_),
+            )
+            block = Block(arrays)
+            attend = partial(self._go_freely, arrays.gone)
+            prepared.state, prepared.kernel = scene, Kernel(begin_ways, block.numbers, block, attend)
+        return cast(Kernel, prepared.kernel)
+
+    def _go_freely(self, gone: np.ndarray, code: int) -> None:
+        """Move driven bodies in a world without robots."""
+        scene = self.scene()
+        begin_way(scene)
+        cast(Moving, scene.moving).go_freely()
+        gone[:] = True
 
     def end_move(self) -> None:
         """Forget all requests, which are done or were blocked, and put carried bodies where their robots are."""
         if self.moves:
-            self.table.aim[:], self.table.aim_heading[:] = self.table.position, self.table.heading
-            self.carry_along()
+            self.ending().run(self.model.completed + 1, len(self.swarm))
+
+    def ending(self) -> Kernel:
+        """Return what ends the ways of bodies, made anew when bodies or robots have changed.
+
+        Where loads have moved far, it has the scene made anew, of which the plan is one.
+        """
+        scene, prepared = self.scene(), self.cache.ending
+        state = self.swarm.version, scene
+        if prepared.state != state:
+            table, robots, carried = self.table, self.swarm.columns, self.table.rows(CARRIED)
+            block = Block(
+                EndArrays(
+                    position=table.position,
+                    heading=table.heading,
+                    aim=table.aim,
+                    aim_heading=table.aim_heading,
+                    carried=carried,
+                    carriers=np.array([table.agents[row].carrier.row for row in carried.tolist()], np.int64),
+                    robot_position=robots["position"],
+                    robot_heading=robots["heading"],
+                    loads=scene.loads,
+                    reference=scene.reference,
+                    load_reach=np.empty(0) if scene.room is None else scene.room.forms.reach,
+                    slack=float(scene.slack),
+                    noted=np.zeros(1, np.bool_),
+                )
+            )
+            kernel = Kernel(end_ways, block.numbers, block, lambda code: self.scene())
+            prepared.state, prepared.kernel = state, kernel
+        return cast(Kernel, prepared.kernel)
 
     def carry_along(self) -> None:
         """Put carried bodies where their robots are."""

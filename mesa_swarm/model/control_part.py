@@ -1,5 +1,6 @@
 """The part `control`: the arbiter that drives robots, its layers, and what is stored to explain their decisions."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
@@ -8,18 +9,16 @@ import numpy as np
 
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, check_count, read_attribute, shortened
 from mesa_swarm.base.trigger import Trigger
-from mesa_swarm.control.arbiter import Arbiter, Subsumption, begin_decisions, name_driver
-from mesa_swarm.control.behaviour import Behaviour
+from mesa_swarm.control.arbiter import Arbiter, Clearing, Turns, kernel_of_stage, name_driver
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key, Team, robots_of
 from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
-from mesa_swarm.physics.broadcasts import send_goals
-from mesa_swarm.physics.own_devices import clear_actions
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
+from mesa_swarm.robots.drive import limit_command, speeds_in_words
+from mesa_swarm.robots.radio import SEND
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
 
@@ -30,24 +29,40 @@ OF_ARBITERS = ("layers", "weights", "others")
 WRITTEN = ("command", "last_command", "layer", "task", "goal")
 
 
-def is_compiled(layer: Any) -> bool:
-    """Return whether a layer decides by compiled code: a rule that Numba compiles, or a class that does."""
-    if isinstance(layer, Behaviour):
-        return not layer.rule.is_plain
-    return type(layer).__module__.startswith(OURS) or hasattr(layer, "kernel_for")
-
-
 def is_frozen(layer: Any) -> bool:
     """Return whether the parameters of a layer cannot be set after it was made."""
     return getattr(getattr(layer, "__dataclass_params__", None), "frozen", False)
 
 
+class Parameters:
+    """The attributes of an arbiter or a layer, which may be set by hand."""
+
+    def __init__(self, owner: Any) -> None:
+        self.owner, self.values = owner, _values_of(owner)
+
+    def has_changed(self) -> bool:
+        """Return whether an attribute is another object than before, of numbers and words one that is not equal."""
+        values = _values_of(self.owner)
+        return values.keys() != self.values.keys() or not all(map(is_unchanged, values.values(), self.values.values()))
+
+
+def _values_of(owner: Any) -> dict[Any, Any]:
+    """Return the attributes of an object, and each parameter of a rule."""
+    return {**vars(owner), **getattr(owner, "parameters", {})}
+
+
+def is_unchanged(value: Any, before: Any) -> bool:
+    """Return whether a value is the same object as before, or an equal number or word."""
+    return value is before or (type(value) is type(before) and isinstance(value, (int, float, str)) and value == before)
+
+
 class ControlCache(Prepared):
-    """What robots know, as arbiters take it, made anew when columns are replaced; and the layers that may change."""
+    """What robots know, as arbiters take it, made anew when columns are replaced; and what may change by hand."""
 
     senses: Senses | None = None
     version: int = -1
-    layer_parameters: Sequence[tuple[Any, dict[str, Any]]] = ()
+    owners: Sequence[Parameters] = ()
+    planned: Kernel | None = None
 
 
 class ControlPart(Part):
@@ -120,8 +135,8 @@ class ControlPart(Part):
     def stages(self) -> Iterator[Stage]:
         """Decide; store what `watch` asks for."""
         if self.arbiter is not None:
-            kernel = self.kernel()
-            reasons = "" if kernel else ", ".join(self.reasons())
+            self.cache.planned, reasons = self.kernel(), ", ".join(self.reasons())
+            kernel = None if reasons else self.cache.planned
             yield Stage(Phase.DECIDE, self.decide, "layers decide", kernel, compiled="layers", python=reasons)
         if self.snapshots is not None:
             yield Stage(Phase.PROCESS, self.snapshots.note, "heat is stored to explain decisions", python="watch()")
@@ -185,10 +200,6 @@ class ControlPart(Part):
                 yield f"layer {place}", layer, None
             elif not type(layer).__module__.startswith(OURS):
                 yield f"layer {place}", layer, getattr(layer, "__dict__", {})
-
-    def in_python(self) -> list[str]:
-        """Return the names of layers that are not compiled: rules that run as plain Python, classes of a user's."""
-        return [str(layer.name) for layer in getattr(self.arbiter, "layers", ()) if not is_compiled(layer)]
 
     def arrays_of_layers(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         """Iterate over the arrays that custom layers have as attributes, by the place of the layer."""
@@ -313,61 +324,39 @@ class ControlPart(Part):
         if isinstance(self.arbiter, Arbiter):
             self.arbiter.check_robots([(design, group)])
 
-    def kernel(self) -> Kernel | None:
-        """Return what decides, made anew when columns, layers or their parameters have changed; None if Python does."""
+    def kernel(self) -> Kernel:
+        """Return what decides, made anew when columns, layers or their parameters have changed."""
         cache, arbiter, channel = self.cache, cast(Any, self.arbiter), self.model._parts.radio.channel
-        layers = getattr(arbiter, "layers", ())
-        state = self.swarm.version, arbiter, layers, channel
-        if cache.state != state or any(vars(layer) != parameters for layer, parameters in cache.layer_parameters):
-            cache.state, cache.kernel, cache.layer_parameters = state, None, []
-            if not self.reasons():
-                cache.kernel = arbiter.kernel_for(self._senses(), self.swarm, channel is not None, self._attend)
-                cache.layer_parameters = [(layer, dict(vars(layer))) for layer in layers if not is_frozen(layer)]
+        state = self.swarm.version, self.swarm.regrouped, arbiter, channel
+        if cache.kernel is None or cache.state != state or any(owner.has_changed() for owner in cache.owners):
+            cache.kernel = kernel_of_stage(
+                arbiter, self._senses(), self.swarm, self._cleared(), channel is not None, self._refuse_nan
+            )
+            owners = (owner for owner in cache.kernel.kept[0].owners() if not is_frozen(owner))
+            cache.state, cache.owners = state, [*map(Parameters, owners)]
         return cache.kernel
 
-    def reasons(self) -> list[str]:
-        """Return what makes Python due where robots decide: layers, or what they need besides commands."""
-        arbiter, table, channel = self.arbiter, self.swarm.table, self.model._parts.radio.channel
-        causes = {
-            type(arbiter).__name__: type(arbiter) is not Subsumption,
-            "actuators": len(table.actions) > 0,
-            "drives of several kinds": table.mixed,
-            "messages": channel is not None and len(channel.radio.message) > 0,
-        }
-        reasons = [*self.in_python(), *(reason for reason, is_so in causes.items() if is_so)]
-        if type(arbiter) is Subsumption:
-            pairs = zip(arbiter.layers, arbiter.kernels_of_layers(self._senses(), self.swarm), strict=True)
-            without = [layer for layer, kernel in pairs if kernel is None and is_compiled(layer)]
-            reasons += [f"{layer.name} has no kernel" for layer in without]
-        return [*dict.fromkeys(reasons)]
+    def _cleared(self) -> list[Clearing]:
+        """Return the columns that are set to a value before robots decide: of actuators that do not hold, of messages.
 
-    def _attend(self, code: int) -> None:
-        """Raise an error for the robot for which a layer has commanded NaN."""
-        columns, sideways = self.swarm.columns, self.swarm.table.sideways
-        wrong = limit_command(columns["command"], columns["max_speed"], columns["design"], sideways)
-        self._refuse(wrong, int(columns["layer"][wrong]))
+        What robots send is what they set in each decision, NaN for nothing.
+        """
+        columns, table, channel = self.swarm.columns, self.swarm.table, self.model._parts.radio.channel
+        actions = [(f"{ACT}{name}", 0.0) for name, (_, holds) in table.actions.items() if not holds]
+        messages = [(f"{SEND}{name}", math.nan) for name, _ in channel.radio.message] if channel is not None else []
+        return [Clearing(columns[name].reshape(-1), value) for name, value in (*actions, *messages)]
+
+    def reasons(self) -> list[str]:
+        """Return what makes Python due where robots decide: rules that are not compiled, classes of a user's."""
+        turns: Turns = self.kernel().kept[0]
+        return [*dict.fromkeys(turns.python)]
 
     def decide(self) -> None:
         """Let every robot decide on what it knows."""
-        if (kernel := self.kernel()) is not None:
-            kernel.run(self.model.steps, len(self.swarm))
-            return
-        swarm, control, channel = self.swarm, self.arbiter, self.model._parts.radio.channel
-        columns, table = swarm.columns, swarm.table
-        command, layer = columns["command"], columns["layer"]
-        if table.actions:
-            clear_actions(swarm)
-        if channel is not None:
-            channel.begin_decision(swarm)
-        begin_decisions(columns["task"], columns["goal"], columns["last_command"], command)
-        control.decide(self._senses(), command, layer)  # type: ignore[union-attr]
-        if table.mixed:
-            clear_unused(command, columns["design"], table.numbers)
-        wrong = limit_command(command, columns["max_speed"], columns["design"], table.sideways)
-        if wrong >= 0:
-            self._refuse(wrong, int(layer[wrong]))
-        if channel is not None:
-            send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
+        kernel = self.kernel()
+        if kernel is not self.cache.planned:  # rules are compiled in their first step
+            self.model.parts.replan()
+        kernel.run(self.model.steps, len(self.swarm))
 
     def _senses(self) -> Senses:
         cache = self.cache
@@ -375,8 +364,11 @@ class ControlPart(Part):
             cache.senses, cache.version = Senses.of(self.swarm), self.swarm.version
         return cache.senses
 
-    def _refuse(self, row: int, layer: int) -> None:
-        robot, name = self.swarm.agents[row], name_driver(cast(Arbiter, self.arbiter), layer)
+    def _refuse_nan(self) -> None:
+        """Raise an error for the robot for which a layer has commanded NaN."""
+        columns, sideways = self.swarm.columns, self.swarm.table.sideways
+        row = limit_command(columns["command"], columns["max_speed"], columns["design"], sideways)
+        robot, name = self.swarm.agents[row], name_driver(cast(Arbiter, self.arbiter), int(columns["layer"][row]))
         raise BehaviourError(
             f"{name} commanded NaN to robot {robot.unique_id} in step {self.model.steps}; "
             f"expected {speeds_in_words(robot.design.numbers)}"

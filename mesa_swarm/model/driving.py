@@ -44,7 +44,9 @@ class HeldDue(Due):
 
     def first_after(self, completed: int) -> int:
         """Return the first collected step in which another value is measured."""
-        step = max(self.held.measured + self.held.trigger.every, completed + 1)
+        measured, trigger, step = self.held.measured, self.held.trigger, completed + 1
+        if trigger.last_due(step) == measured:
+            step = measured + trigger.every
         return -(-step // self.collect_every) * self.collect_every
 
 

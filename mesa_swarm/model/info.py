@@ -45,6 +45,7 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.base.wording import in_brief
 from mesa_swarm.control.behaviour import Behaviour
+from mesa_swarm.control.layer import CompiledLayer
 from mesa_swarm.maps.map_parts import decode_text, file_content
 from mesa_swarm.maps.toml import parse_toml
 from mesa_swarm.model.gallery import PACKAGE, description, find_model, model_address, short_name
@@ -345,7 +346,7 @@ def _build_default(model_class: type) -> Any:
 def _listings(model_class: type, model: Any) -> Iterator[Listing]:
     functions = []
     for layer in getattr(getattr(model, "control", None), "layers", ()):
-        function = layer.rule.function if isinstance(layer, Behaviour) else getattr(type(layer), "decide", None)
+        function = _deciding(layer)
         if isinstance(function, FunctionType) and function not in functions:
             functions.append(function)
             code = "\n\n".join(map(_source, _with_callees(function, type(layer))))
@@ -354,6 +355,15 @@ def _listings(model_class: type, model: Any) -> Iterator[Listing]:
     code = _source_of_model(model_class)
     if code:
         yield Listing(name=model_class.__name__, module=model_class.__module__, code=code)
+
+
+def _deciding(layer: Any) -> Any:
+    """Return the function by which a layer decides, or that names the compiled one, as it is written."""
+    if isinstance(layer, Behaviour):
+        return layer.rule.function
+    kind = type(layer)
+    is_compiled = isinstance(layer, CompiledLayer) and kind.decide is CompiledLayer.decide
+    return getattr(kind, "arguments" if is_compiled else "decide", None)
 
 
 def _with_callees(function: FunctionType, kind: type) -> list[FunctionType]:

@@ -38,6 +38,7 @@ class MesaModel(mesa.Model):
     """
 
     observers: Observers
+    running: bool
     _in_step: bool = False
     _passing: bool = False
 

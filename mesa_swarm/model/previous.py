@@ -1,33 +1,14 @@
 """A part that keeps columns of robots as they were before the last step."""
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, unknown_name
-from mesa_swarm.kernels.block import Block, unpack
-from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.measuring import Copies, copy_rows
 from mesa_swarm.kernels.part import Column, Context, Kernel, Part, Phase, Stage
-from mesa_swarm.kernels.type_names import ByteRows
-
-
-class Copies(NamedTuple):
-    """Two arrays, as rows of bytes."""
-
-    source: ByteRows
-    target: ByteRows
-
-
-@compiled(nogil=True)
-def copy_rows(block, step, first, last):
-    """Copy all rows."""
-    c = unpack(block, Copies)
-    source, target = c.source, c.target
-    for i in range(source.shape[0]):
-        for k in range(source.shape[1]):
-            target[i, k] = source[i, k]
-    return 0
 
 
 class Previous(Part):
@@ -93,7 +74,7 @@ class Previous(Part):
             arrays = [as_bytes(array) for array in (self.swarm.columns[name], self.values[name])]
             block = Block(Copies(*arrays))
             kernel = Kernel(copy_rows, block.numbers, block)
-            yield Stage(Phase.SENSE, lambda kernel=kernel: kernel.run(0, 0), f"{name} is kept", kernel)
+            yield Stage(Phase.SENSE, partial(kernel.run, 0, 0), f"{name} is kept", kernel)
 
 
 def as_bytes(array: np.ndarray) -> np.ndarray:

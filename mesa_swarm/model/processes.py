@@ -1,6 +1,7 @@
 """The part `processes`: what happens in each step besides robots."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, Protocol, runtime_checkable
 
 from mesa_swarm.base.errors import InvalidValueError, read_attribute, shortened
@@ -60,13 +61,13 @@ class ProcessesPart(Part):
         self.numbered: dict[int, Process] = {}
 
     def stages(self) -> Iterator[Stage]:
-        """Advance all processes, one after the other; by a kernel where there is one process, which has it."""
-        processes = [*self.numbered.values()]
-        if not processes:
-            return
-        kernel = kernel_of(processes[0], "step", self.model) if len(processes) == 1 else None
-        names = "" if kernel else ", ".join(dict.fromkeys(type(process).__name__ for process in processes))
-        yield Stage(Phase.PROCESS, self.advance, "processes take place", kernel, python=names)
+        """Advance all processes, one after the other."""
+        for process in self.numbered.values():
+            kernel = kernel_of(process, "step", self.model)
+            name = getattr(process, "__name__", type(process).__name__)
+            call, python = partial(process.step, self.model), "" if kernel else "its step is a method or function"
+            every = getattr(process, "takes_place_every", 1)
+            yield Stage(Phase.PROCESS, call, f"{name} takes place", kernel, every, python=python)
 
     def parameters(self) -> list:
         """Return the state of processes, and what they are besides."""
@@ -113,7 +114,8 @@ class ProcessesPart(Part):
         Parameters
         ----------
         process : Process
-            Any object with ``step(model)``. Its attributes are part of the model's state.
+            Any object with ``step(model)``. Its attributes are part of the model's state. Of a function with `process`
+            the model gets a copy with a memory of its own.
 
         Raises
         ------
@@ -137,6 +139,9 @@ class ProcessesPart(Part):
             raise InvalidValueError(
                 f"process is {shortened(process)}; expected an object with step(model), see Process"
             )
+        of_model = read_attribute(process, "for_model")
+        if callable(of_model):
+            process = of_model()
         if any(process is other for other in self.numbered.values()):
             raise InvalidValueError(f"process {shortened(process)} was added before; expected another one")
         check = read_attribute(process, "check_model")
@@ -167,11 +172,6 @@ class ProcessesPart(Part):
         """Have these processes, in this order."""
         self.numbered = numbered
         self.model.parts.replan()
-
-    def advance(self) -> None:
-        """Advance what changes in each step besides robots."""
-        for process in self.numbered.values():
-            process.step(self.model)
 
     def states(self) -> Iterator[tuple[str, Any]]:
         """Iterate over the state of processes, by name."""

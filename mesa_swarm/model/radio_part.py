@@ -3,11 +3,10 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
 from mesa_swarm.base.errors import InvalidValueError, shortened
-from mesa_swarm.kernels.part import Column, Itself, Part, Phase, Stage
-from mesa_swarm.physics.broadcasts import Channel
+from mesa_swarm.kernels.draws import words_of
+from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Stage
+from mesa_swarm.physics.broadcasts import NO_WORDS, Channel
 from mesa_swarm.robots.radio import Radio
 
 SENT_AND_HEARD = ("sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
@@ -55,12 +54,7 @@ class RadioPart(Part):
     def stages(self) -> Iterator[Stage]:
         """Exchange what was published after the previous step."""
         if self.channel is not None:
-            scene = self.model.parts.bodies.scene()
-            causes = ", ".join(reason for reason, is_so in self.channel.reasons(scene).items() if is_so)
-            kernel = None if causes else self.channel.kernel(self.model.swarm, scene)
-            compiled = "hear_states, hear_goals"
-            what = "robots hear each other"
-            yield Stage(Phase.EXCHANGE, self.exchange, what, kernel, compiled=compiled, python=causes)
+            yield Stage(Phase.EXCHANGE, self.exchange, "robots hear each other", self.kernel())
 
     def parameters(self) -> Radio | None:
         """Return the radio."""
@@ -81,7 +75,11 @@ class RadioPart(Part):
 
     def exchange(self) -> None:
         """Let robots hear what the others have sent."""
+        self.kernel().run(self.model.completed + 1, len(self.model.swarm))
+
+    def kernel(self) -> Kernel:
+        """Return what lets robots hear what the others have sent, of which some may be lost by chance."""
         channel: Any = self.channel
         loses = channel.radio.loss_probability > 0
-        word = self.model.streams["communication"].integers(2**64, dtype=np.uint64) if loses else np.uint64(0)
-        channel.exchange(self.model.swarm, self.model.parts.bodies.scene(), word)
+        words = words_of(self.model.streams["communication"]) if loses else NO_WORDS
+        return channel.kernel(self.model.swarm, self.model.parts.bodies.scene(), words)

@@ -10,10 +10,12 @@ from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count,
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Role, Stage
+from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.state import checked_state
 from mesa_swarm.model.state_hash import describe_designs
 from mesa_swarm.physics.engine import Engine
 from mesa_swarm.physics.own_devices import OwnDevices
+from mesa_swarm.physics.sensor_noise import SensorNoise
 from mesa_swarm.physics.stage_kernels import CountArrays, count_collided
 from mesa_swarm.robots.actuators import Actuator
 from mesa_swarm.robots.design import RobotDesign
@@ -68,8 +70,6 @@ class RobotsPart(Part):
         A robot that meets a flat side at more than this from its normal is turned parallel to it.
     counts : int64 ndarray, shape (3,)
         `collisions`, `total_collisions` and `robot_steps`.
-    noise : tuple or None
-        A step, the state of the stream before it, and the draws for errors of sensors in it.
     """
 
     name = "robots"
@@ -78,7 +78,7 @@ class RobotsPart(Part):
     def __init__(self, model: Any, engine: Engine, turn_angle: float) -> None:
         self.model, self.swarm, self.engine, self.turn_angle = model, model.swarm, engine, turn_angle
         self.counts = np.zeros(3, np.int64)
-        self.noise: tuple | None = None
+        self._noise: SensorNoise | None = None
         self.devices, self.cache = OwnDevices(), Prepared()
 
     @property
@@ -120,16 +120,37 @@ class RobotsPart(Part):
 
     def stages(self) -> Iterator[Stage]:
         """Sense, act, move."""
-        swarm, parts = self.swarm, self.model.parts
-        scene, imperfect = parts.bodies.scene(), {"imperfections": parts.imperfections.effect is not None}
-        reasons = {**imperfect, self._of_class(Sensor): len(swarm.table.readings) > 0}
-        sensing, moving = self.engine.sensing, self.engine.moving
-        yield Stage(Phase.SENSE, self.sense, "robots read their sensors", **sensing(swarm, scene, reasons))
-        if swarm.table.actions:
+        yield Stage(Phase.SENSE, self.sense, "robots read their sensors", **self._sensing())
+        if self.swarm.table.actions:
             yield Stage(Phase.ACT, self.act, "actuators do what they are set to", python=self._of_class(Actuator))
-        fields = moving(swarm, scene, self.turn_angle, imperfect)
-        yield Stage(Phase.MOVE, self.move, "robots move, and contacts are resolved", **fields)
+        yield Stage(Phase.MOVE, self.move, "robots move, and contacts are resolved", **self._moving())
         yield Stage(Phase.COLLECT, self.count_collisions, "collisions are counted", self.counting())
+
+    def _sensing(self) -> dict[str, Any]:
+        """Return the fields of the stage that senses: its kernel, with imperfections, or what makes Python due."""
+        swarm, parts = self.swarm, self.model.parts
+        scene, effect, following = parts.bodies.scene(), parts.imperfections.effect, []
+        if effect is not None:
+            following.append(effect.reading_kernel(swarm))
+        custom = ""
+        if swarm.table.readings:
+            kernel = self.devices.sensing(self.model, scene)
+            custom = "" if kernel else ", ".join(dict.fromkeys(self.devices.without_kernels(self.model)))
+            custom = custom or ("" if kernel else self._of_class(Sensor))
+            following += [kernel] if effect is None else [kernel, effect.custom_kernel(swarm)]
+        fields = self.engine.sensing(swarm, scene, self.sensor_noise(), {custom: custom != ""})
+        if fields.get("kernel") is not None:
+            fields["kernel"] = sequence_of([fields["kernel"], *following])
+        return fields
+
+    def _moving(self) -> dict[str, Any]:
+        """Return the fields of the stage that moves robots, likewise after imperfections of their wheels."""
+        swarm, scene, effect = self.swarm, self.model.parts.bodies.scene(), self.model.parts.imperfections.effect
+        spoils, driven = (None, swarm.columns["command"]) if effect is None else effect.wheel_kernel(swarm)
+        fields = self.engine.moving(swarm, scene, driven, self.turn_angle, self._slip_stream())
+        if fields.get("kernel") is not None and spoils is not None:
+            fields["kernel"] = sequence_of([self.engine.settling(swarm, scene), spoils, fields["kernel"]])
+        return fields
 
     def _of_class(self, kind: type) -> str:
         """Return the names of custom devices of a class that robots have."""
@@ -182,7 +203,7 @@ class RobotsPart(Part):
         scene, imperfect = parts.bodies.scene(), parts.imperfections.effect
         state = (step, swarm.version, scene)
         if self.cache.state != state or swarm.disturbed:
-            self.engine.sense(swarm, scene, step, self._noise_draws(step))
+            self.engine.sense(swarm, scene, step, self.sensor_noise())
             if imperfect is not None:
                 imperfect.spoil_readings(swarm, step)
             self.cache.state = state
@@ -205,15 +226,18 @@ class RobotsPart(Part):
         swarm = self.swarm
         if not len(swarm):
             return
-        parts, table = self.model._parts, swarm.table
+        parts = self.model._parts
         scene, imperfect = parts.bodies.scene(), parts.imperfections.effect
         if swarm.disturbed:
             self.engine.settle(swarm, scene)
             swarm.disturbed = False
-        draws = self.model.streams["slip"].random((len(swarm), table.wheels)) if table.slips else None
         step = self.model._completed
         commands = swarm.columns["command"] if imperfect is None else imperfect.driven_wheels(swarm, step)
-        self.engine.move(swarm, scene, commands, self.turn_angle, draws)
+        self.engine.move(swarm, scene, commands, self.turn_angle, self._slip_stream())
+
+    def _slip_stream(self) -> np.random.Generator | None:
+        """Return what the slip of wheels is drawn from, None where none slips."""
+        return self.model.streams["slip"] if self.swarm.table.slips else None
 
     def count_collisions(self) -> None:
         """Count the robots that overlapped anything in this step."""
@@ -227,20 +251,24 @@ class RobotsPart(Part):
             kernel = self.cache.kernel = Kernel(count_collided, block.numbers, (collided, block))
         return kernel
 
-    def _noise_draws(self, step: int) -> np.ndarray | None:
-        """Return this step's draws for the sensors' errors, the same for every reading of the step."""
-        if not self.swarm.table.noisy:
-            return None
-        shape, stream = self.swarm.distance.shape, self.model.streams["noise"]
-        if self.noise is None or self.noise[0] != step:
-            self.noise = (step, stream.bit_generator.state, None)
-        step, before, draws = self.noise
-        if draws is None or draws.shape != shape:
-            # Robots were added or removed since the last reading: draw as if that had not taken place.
-            stream.bit_generator.state = before
-            draws = stream.random(shape)
-            self.noise = (step, before, draws)
-        return draws
+    def sensor_noise(self) -> SensorNoise | None:
+        """Return what errors of sensors are drawn from, None where no sensor errs."""
+        if self._noise is None and self.swarm.table.noisy:
+            self._noise = SensorNoise(self.model.streams["noise"])
+        return self._noise if self.swarm.table.noisy else None
+
+    @property
+    def noise(self) -> tuple | None:
+        """A step, the state of the stream before it, and the draws for errors of sensors in it; None without any."""
+        return None if self._noise is None else self._noise.store()
+
+    @noise.setter
+    def noise(self, noise: tuple | None) -> None:
+        self._noise = None
+        if noise is not None:
+            step, _, draws = noise
+            self._noise = SensorNoise(self.model.streams["noise"])
+            self._noise.restore(step, draws)
 
     # ---- robots that are added and removed
 

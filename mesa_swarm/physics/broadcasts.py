@@ -1,7 +1,7 @@
 """Broadcasts: heard within a range, cut off by obstacles, lost at random."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,21 +9,38 @@ from mesa_swarm.geometry.grid import CellLists, Grid, GridNumbers, cell_index, c
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.part import Kernel
-from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
+from mesa_swarm.kernels.draws import Words, draw_word
+from mesa_swarm.kernels.part import Kernel, Prepared
+from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.sensing import rotate_into_frame
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.radio import HEARD, OF_HEARD, SEND, Radio
 from mesa_swarm.robots.swarm import Swarm
 
-NO_WORD = np.uint64(0)
+NO_WORDS = Words(0, 0)
+# What can be touched of driven bodies where there are none.
+NO_LISTS = CellLists((0.0, 0.0, 0.0, 1, 1), np.zeros(2, np.int64), np.empty(0, np.int64))
+# Columns of the swarm that the kernel reads, and that it writes besides those of messages.
+OF_SENDERS = ("position", "heading", "number", "layer", "task", "sent_goal")
+OF_HEARERS = ("heard_layer", "heard_task", "heard_from", "heard_goal")
 NO_OWNERS = np.empty(0, np.int64)
 GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 
 
+class MessageArrays(NamedTuple):
+    """What robots send (n, width) and hear (n, most, width) under one name of a message."""
+
+    sent: RealRows
+    heard: RealTables
+
+
 class HearArrays(NamedTuple):
-    """What `hear_all` takes: arguments of `hear_states` and of `hear_goals`, and which of the two are called."""
+    """What `hear_all` takes: what `hear_states`, `hear_goals` and `hear_messages` do, and which of them are called.
+
+    `words` is the stream that decides what is lost, `driven` what can be touched of driven bodies. `messages` are the
+    numbers of a block of `MessageArrays` for each name, `sends` and `senders` scratch.
+    """
 
     position: RealRows
     heading: Reals
@@ -33,17 +50,26 @@ class HearArrays(NamedTuple):
     sent_goal: RealRows
     beacons: RealRows
     reach: float
+    loss: float
+    words: Words
     occlusion: bool
     grid: GridNumbers
     edges: RealRows
     discs: RealRows
     touch_cells: CellLists
+    driven: CellLists
     heard_layer: Integers
     heard_task: Integers
     heard_from: RealRows
     heard_goal: RealRows
     states: bool
     goals: bool
+    messages: IntegerRows
+    count: Integers
+    distance: RealRows
+    bearing: RealRows
+    sends: Flags
+    senders: IntegerRows
 
 
 class Channel:
@@ -52,93 +78,65 @@ class Channel:
     def __init__(self, radio: Radio) -> None:
         self.radio = radio
         self._beacons = np.array(radio.beacons, dtype=float).reshape(-1, 2)
-        self._version = -1
-        self._kernel: Kernel | None = None
-        self._surroundings: Surroundings | None = None
+        self._prepared = Prepared()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out what refers to arrays."""
-        return vars(self) | {"_version": -1, "_surroundings": None, "_kernel": None}
+    def kernel(self, swarm: Swarm, surroundings: Surroundings, words: Words = NO_WORDS) -> Kernel:
+        """Return what writes the columns of what is heard, made anew when robots, obstacles or words are others.
 
-    def exchange(self, swarm: Swarm, surroundings: Surroundings, word: np.uint64) -> None:
-        """Write the columns of what is heard; random bits decide what is lost."""
-        if not len(swarm):
-            return
-        if not any(self.reasons(surroundings).values()):
-            self.kernel(swarm, surroundings).run(0, len(swarm))
-            return
-        self._prepare(swarm, surroundings)
-        columns, radio = swarm.columns, self.radio
-        position, heading, number = columns["position"], columns["heading"], columns["number"]
-        limits = float(radio.range), float(radio.loss_probability), word, radio.occlusion
-        obstacles = obstacles_of(surroundings)
-        if radio.state:
-            layer, task = columns["layer"], columns["task"]
-            heard = columns["heard_layer"], columns["heard_task"], columns["heard_from"]
-            hear_states(position, heading, number, layer, task, limits, self._grid, obstacles, *heard)
-        if radio.goal:
-            sent, heard_goal = columns["sent_goal"], columns["heard_goal"]
-            hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, obstacles, heard_goal)
-        if radio.message:
-            self._exchange_messages(columns, limits, obstacles)
+        `words` are a stream of random bits, which decide what is lost.
+        """
+        prepared, state = self._prepared, (swarm.version, surroundings, words)
+        if prepared.kernel is None or prepared.state != state:
+            prepared.state, prepared.kernel = state, self._make_kernel(swarm, surroundings, words)
+        return prepared.kernel
 
-    def reasons(self, surroundings: Surroundings) -> dict[str, bool]:
-        """Return what makes Python due where robots hear each other."""
-        return {
-            "messages": len(self.radio.message) > 0,
-            "broadcasts that are lost": self.radio.loss_probability > 0,
-            "driven bodies": surroundings.moving is not None,
-        }
+    def _make_kernel(self, swarm: Swarm, surroundings: Surroundings, words: Words) -> Kernel:
+        radio, columns = self.radio, swarm.columns
+        grid = Grid.over(surroundings.bounds, max(radio.range, 1e-9), FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm))
+        statics, moving = surroundings.statics, surroundings.moving
+        messages = self._message_blocks(swarm)
+        rows = np.array([block.numbers for block in messages], np.int64).reshape(len(messages), -1 if messages else 0)
+        block = Block(
+            HearArrays(
+                beacons=self._beacons,
+                reach=float(radio.range),
+                loss=float(radio.loss_probability),
+                words=words,
+                occlusion=radio.occlusion,
+                grid=grid.numbers,
+                edges=statics.edges,
+                discs=statics.discs[: statics.first_apart],
+                touch_cells=statics.touch_cells,
+                driven=NO_LISTS if moving is None else moving.arrays.touch_cells,
+                states=radio.state,
+                goals=radio.goal,
+                messages=rows,
+                sends=np.zeros(len(swarm), np.bool_),
+                senders=np.empty((len(swarm), int(radio.most)), np.int64),
+                **self._columns_of_senders(swarm),
+                **{name: columns[name] for name in (*OF_SENDERS, *OF_HEARERS)},
+            )
+        )
+        return Kernel(hear_all, block.numbers, (block, messages))
 
-    def kernel(self, swarm: Swarm, surroundings: Surroundings) -> Kernel:
-        """Return what writes what is heard of states and goals, where nothing is lost and no bodies are driven."""
-        self._prepare(swarm, surroundings)
-        if self._kernel is None:
-            statics, radio = surroundings.statics, self.radio
-            columns = {name: swarm.columns[name] for name in HearArrays._fields if name in swarm.columns}
-            block = Block(
-                HearArrays(
-                    beacons=self._beacons,
-                    reach=float(radio.range),
-                    occlusion=radio.occlusion,
-                    grid=self._grid,
-                    edges=statics.edges,
-                    discs=statics.discs[: statics.first_apart],
-                    touch_cells=statics.touch_cells,
-                    states=radio.state,
-                    goals=radio.goal,
-                    **columns,
+    def _message_blocks(self, swarm: Swarm) -> list[Block]:
+        """Return a block of `MessageArrays` for each name of a message."""
+        n, most, columns = len(swarm), int(self.radio.most), swarm.columns
+        return [
+            Block(
+                MessageArrays(
+                    columns[f"{SEND}{name}"].reshape(n, width), columns[f"{HEARD}{name}"].reshape(n, most, width)
                 )
             )
-            self._kernel = Kernel(hear_all, block.numbers, block)
-        return self._kernel
+            for name, width in self.radio.message
+        ]
 
-    def begin_decision(self, swarm: Swarm) -> None:
-        """Clear what robots sent before: they send what they set in each decision."""
-        for name, _ in self.radio.message:
-            swarm.columns[f"{SEND}{name}"].fill(math.nan)
-
-    def _exchange_messages(self, columns: dict[str, np.ndarray], limits: tuple, obstacles: tuple) -> None:
-        position, heading, number = columns["position"], columns["heading"], columns["number"]
-        sent = [columns[f"{SEND}{name}"] for name, _ in self.radio.message]
-        sends = np.zeros(len(position), np.bool_)
-        for column in sent:
-            sends |= ~np.isnan(column.reshape(len(position), -1)).all(axis=1)
-        heard = tuple(columns[f"{HEARD}{name}"] for name in OF_HEARD)
-        senders = np.empty((len(position), int(self.radio.most)), np.int64)
-        hear_messages(position, heading, number, sends, limits, self._grid, obstacles, *heard, senders)
-        for (name, _), column in zip(self.radio.message, sent, strict=True):
-            out = columns[f"{HEARD}{name}"]
-            out[...] = column[senders]
-            out[senders < 0] = math.nan
-
-    def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
-        """Make the grid anew when robots or obstacles have changed."""
-        if self._version == swarm.version and self._surroundings is surroundings:
-            return
-        most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
-        self._grid = Grid.over(surroundings.bounds, max(self.radio.range, 1e-9), most).numbers
-        self._version, self._surroundings, self._kernel = swarm.version, surroundings, None
+    def _columns_of_senders(self, swarm: Swarm) -> dict[str, np.ndarray]:
+        """Return the columns of how many messages are heard, and from where; empty ones without messages."""
+        if not self.radio.message:
+            return {"count": np.empty(0, np.int64), "distance": np.empty((0, 0)), "bearing": np.empty((0, 0))}
+        heard = (swarm.columns[f"{HEARD}{name}"] for name in OF_HEARD)
+        return dict(zip(("count", "distance", "bearing"), heard, strict=True))
 
 
 def obstacles_of(surroundings: Surroundings) -> tuple:
@@ -150,19 +148,52 @@ def obstacles_of(surroundings: Surroundings) -> tuple:
 
 @compiled(nogil=True)
 def hear_all(block, step, first, last):
-    """Write what all robots hear of states and goals."""
+    """Write what all robots hear of states, goals and messages."""
+    h = unpack(block, HearArrays)
+    word = draw_word(h.words) if h.loss > 0.0 else np.uint64(0)
     if last == 0:
         return 0
-    h = unpack(block, HearArrays)
     position, heading, number, grid = h.position, h.heading, h.number, h.grid
-    limits = h.reach, 0.0, NO_WORD, h.occlusion
-    obstacles = h.edges, h.discs, h.touch_cells.grid, h.touch_cells.start, h.touch_cells.items, None
+    limits = h.reach, h.loss, word, h.occlusion
+    lists, driven = h.touch_cells, (h.driven.grid, h.driven.start, h.driven.items)
+    obstacles = h.edges, h.discs, lists.grid, lists.start, lists.items, driven
     if h.states:
         heard = h.heard_layer, h.heard_task, h.heard_from
         hear_states(position, heading, number, h.layer, h.task, limits, grid, obstacles, *heard)
     if h.goals:
         hear_goals(position, heading, number, h.sent_goal, h.beacons, limits, grid, obstacles, h.heard_goal)
+    if h.messages.shape[0] > 0:
+        note_senders(h.messages, h.sends)
+        senders = h.senders
+        hear_messages(
+            position, heading, number, h.sends, limits, grid, obstacles, h.count, h.distance, h.bearing, senders
+        )
+        deliver_messages(h.messages, senders)
     return 0
+
+
+@compiled
+def note_senders(messages, sends):
+    """Write which robots send a message: those that have set a number of any name."""
+    sends[:] = False
+    for m in range(messages.shape[0]):
+        sent = unpack(messages[m], MessageArrays).sent
+        for i in range(sent.shape[0]):
+            for w in range(sent.shape[1]):
+                if not math.isnan(sent[i, w]):
+                    sends[i] = True
+
+
+@compiled
+def deliver_messages(messages, senders):
+    """Write the numbers that robots hear from their senders, rows (n, most), NaN where there is none."""
+    for m in range(messages.shape[0]):
+        message = unpack(messages[m], MessageArrays)
+        sent, heard = message.sent, message.heard
+        for i in range(heard.shape[0]):
+            for k in range(heard.shape[1]):
+                for w in range(heard.shape[2]):
+                    heard[i, k, w] = sent[senders[i, k], w] if senders[i, k] >= 0 else math.nan
 
 
 @compiled

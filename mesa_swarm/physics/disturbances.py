@@ -1,16 +1,29 @@
 """Imperfect robots: disturbed readings and wheel speeds, batteries, break-downs."""
 
 import math
+from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
 
+from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel, Prepared
+from mesa_swarm.kernels.sequence import sequence_of
+from mesa_swarm.kernels.type_names import (
+    CodeRows,
+    FlagRows,
+    Flags,
+    Integers,
+    IntegerTables,
+    RealRows,
+    Reals,
+)
 from mesa_swarm.physics.broadcasts import GOLDEN, mix_bits
 from mesa_swarm.robots.design import RANGE, places_of_custom_sensors
 from mesa_swarm.robots.drive import limit_length
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal
-from mesa_swarm.robots.sensors import BUILT_IN, LineSensor, ProximitySensor, RadiationSensor
+from mesa_swarm.robots.sensors import BUILT_IN
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LAST_READ, LASTING, Swarm
 from mesa_swarm.world.statics import OBSTACLE
 
@@ -20,6 +33,8 @@ FATE, PLACE, PHASE, LENGTH, SLIP, FAIL = range(6)
 # sensors of all kinds in the order of the design.
 RADIATION, WHEEL, BODY, LINE, SENSOR = 1_000, 2_000, 3_000, 4_000, 5_000
 STUCK, FREE = 1, 2
+# Error, dropout, outliers, hold, period, lag, see `Imperfection`.
+Limits = tuple[float, float, float, int, int, float]
 # Those of custom sensors follow from their names, so that adding one does not change another.
 CUSTOM, CUSTOM_BITS = 1_000_000, 20
 NOTHING = -1.0
@@ -36,6 +51,87 @@ KEPT: dict[str, tuple[tuple, type, float]] = {
 }
 
 
+# What built-in sensors read, and the kinds of these, the places in `BUILT_IN`.
+OF_SENSORS = ("distance", "kind", "radiation", "line")
+OF_PROXIMITY, OF_RADIATION, OF_LINE = range(3)
+
+
+class ReadingArrays(NamedTuple):
+    """What `spoil_all_readings` takes.
+
+    Columns and the key; whether readings are disturbed, and the limits; readings, the last fresh ones, and the largest
+    of each sensor of a design, negative for none; scratch. Then whether sensors fail, which have failed, how many each
+    design has, of which kinds and in which columns they are, and the probability of a failure.
+    """
+
+    design: Integers
+    number: Integers
+    key: int
+    disturbs: bool
+    limits: Limits
+    distance: RealRows
+    kind: CodeRows
+    radiation: RealRows
+    line: FlagRows
+    last_distance: RealRows
+    last_kind: CodeRows
+    last_radiation: RealRows
+    last_line: FlagRows
+    farthest: RealRows
+    hottest: RealRows
+    brightest: RealRows
+    no_kind_of_heat: CodeRows
+    no_kind_of_line: CodeRows
+    bright: RealRows
+    last_bright: RealRows
+    fails: bool
+    failed: FlagRows
+    sensors: Integers
+    places: IntegerTables
+    failure: float
+
+
+class CustomArrays(NamedTuple):
+    """What `spoil_column` takes: arguments of `spoil_any` for a column, whether sensors fail, and where they write."""
+
+    design: Integers
+    number: Integers
+    key: int
+    disturbs: bool
+    limits: Limits
+    channel: int
+    reading: RealRows
+    last: RealRows
+    least: RealRows
+    largest: RealRows
+    fails: bool
+    failed: FlagRows
+    places: IntegerTables
+
+
+class DrivingArrays(NamedTuple):
+    """What `drive_imperfectly` takes: arguments of `spoil_wheels` and `fail_wheels`; whether wheels may fail."""
+
+    command: RealRows
+    driven: RealRows
+    told: RealRows
+    wheels: RealRows
+    used: Reals
+    broken: Flags
+    max_speed: Reals
+    design: Integers
+    sideways: Flags
+    numbers: Integers
+    number: Integers
+    charge: Reals
+    limits: Limits
+    wear: tuple[float, float, float]
+    fails: bool
+    failed: CodeRows
+    failure: float
+    key: int
+
+
 class Imperfect:
     """Imperfections applied to a swarm, which gets columns for readings that are not fresh and for wear.
 
@@ -47,8 +143,7 @@ class Imperfect:
         self.imperfections, self.key = imperfections, key
         for name, column in KEPT.items():
             swarm.remember(f"{LASTING}{name}", *column)
-        self._version = -1
-        self._custom_limits: dict[str, tuple] = {}
+        self._of_readings, self._of_wheels, self._of_custom = Prepared(), Prepared(), Prepared()
         self._disturbs_readings = not is_ideal(imperfections.sensing)
         if imperfections.sensor_failure > 0 or imperfections.wheel_failure > 0:
             swarm.add_failures()
@@ -56,97 +151,146 @@ class Imperfect:
         self._disturbs_driving = wears_or_slips or not is_ideal(imperfections.driving)
 
     def spoil_readings(self, swarm: Swarm, step: int) -> None:
-        """Disturb the readings of all sensors in this step."""
-        if self._disturbs_readings:
-            self._spoil_readings(swarm, step)
-        if FAILED_SENSORS in swarm.columns:
-            failed, numbers = swarm.columns[FAILED_SENSORS], np.array([len(d.sensors) for d in swarm.designs], np.int64)
-            robots = numbers, swarm.columns["design"], swarm.columns["number"]
-            break_sensors(failed, *robots, float(self.imperfections.sensor_failure), step, np.uint64(self.key))
-            blind_sensors(swarm, failed)
+        """Disturb the readings of all built-in sensors in this step, counted from 0."""
+        self.reading_kernel(swarm).run(step + 1, len(swarm))
 
-    def _spoil_readings(self, swarm: Swarm, step: int) -> None:
-        columns, table, limits = swarm.columns, swarm.table, self.imperfections.sensing.limits
-        by_chance = columns["design"], columns["number"], step, np.uint64(self.key)
-        last = {name: imperfection_column(swarm, name) for name in ("distance", "kind", "radiation", "line")}
-        readings = columns["distance"], columns["kind"], last["distance"], last["kind"]
-        spoil(*readings, np.ascontiguousarray(table.proximity[:, :, RANGE]), NOTHING, 0, limits, *by_chance)
-        # The kinds that only proximity sensors read are neither looked at nor stored for the others.
-        radiation, line = columns["radiation"], columns["line"]
-        if radiation.shape[1]:
-            no_kind = np.empty(radiation.shape, np.int8)
-            hottest = np.where(table.radiation[:, :, RANGE] >= 0.0, 1.0, -1.0)
-            spoil(radiation, no_kind, last["radiation"], no_kind, hottest, 0.0, RADIATION, limits, *by_chance)
-        if line.shape[1]:
-            # A mark is dark ground. What line sensors read is yes or no, and so has no error: an outlier is either.
-            bright, last_bright, no_kind = 1.0 - line, 1.0 - last["line"], np.empty(line.shape, np.int8)
-            brightest = np.where(np.isnan(table.line[:, :, 0]), -1.0, 1.0)
-            spoil(bright, no_kind, last_bright, no_kind, brightest, 1.0, LINE, (0.0, *limits[1:]), *by_chance)
-            line[:], last["line"][:] = bright < 0.5, last_bright < 0.5
+    def reading_kernel(self, swarm: Swarm) -> Kernel:
+        """Return what disturbs the readings of built-in sensors, made anew when robots or the key are others."""
+        prepared, state = self._of_readings, (swarm.version, self.key)
+        if prepared.kernel is None or prepared.state != state:
+            block = Block(self._reading_arrays(swarm))
+            prepared.state, prepared.kernel = state, Kernel(spoil_all_readings, block.numbers, block)
+        return prepared.kernel
+
+    def _reading_arrays(self, swarm: Swarm) -> "ReadingArrays":
+        columns, table, fails = swarm.columns, swarm.table, FAILED_SENSORS in swarm.columns
+        last = {f"last_{name}": imperfection_column(swarm, name) for name in OF_SENSORS}
+        radiation, line = columns["radiation"].shape, columns["line"].shape
+        return ReadingArrays(
+            design=columns["design"],
+            number=columns["number"],
+            key=_as_integer(self.key),
+            disturbs=self._disturbs_readings,
+            limits=self.imperfections.sensing.limits,
+            **{name: columns[name] for name in OF_SENSORS},
+            **last,
+            farthest=np.ascontiguousarray(table.proximity[:, :, RANGE]),
+            hottest=np.where(table.radiation[:, :, RANGE] >= 0.0, 1.0, -1.0),
+            brightest=np.where(np.isnan(table.line[:, :, 0]), -1.0, 1.0),
+            no_kind_of_heat=np.empty(radiation, np.int8),
+            no_kind_of_line=np.empty(line, np.int8),
+            bright=np.empty(line),
+            last_bright=np.empty(line),
+            fails=fails,
+            failed=columns[FAILED_SENSORS] if fails else np.empty((0, 0), np.bool_),
+            sensors=np.array([len(design.sensors) for design in swarm.designs], np.int64),
+            places=_places_of_built_in(swarm),
+            failure=float(self.imperfections.sensor_failure),
+        )
 
     def spoil_custom(self, swarm: Swarm, step: int) -> None:
-        """Disturb what custom sensors read in this step."""
-        if self._disturbs_readings:
-            self._spoil_custom(swarm, step)
-        if FAILED_SENSORS in swarm.columns:
-            blind_custom_sensors(swarm, swarm.columns[FAILED_SENSORS])
+        """Disturb what custom sensors read in this step, counted from 0."""
+        self.custom_kernel(swarm).run(step + 1, len(swarm))
 
-    def _spoil_custom(self, swarm: Swarm, step: int) -> None:
-        columns, limits, key = swarm.columns, self.imperfections.sensing.limits, np.uint64(self.key)
-        if self._version != swarm.version:
-            self._custom_limits = {name: _limits_of(swarm, name) for name in swarm.table.readings}
-            self._version = swarm.version
-        for name, ends in self._custom_limits.items():
-            last, channel = columns[f"{LAST_READ}{name}"], CUSTOM + (crc32(name.encode()) << CUSTOM_BITS)
-            by_chance = columns["design"], columns["number"], step, key
-            spoil_any(columns[name], last, *ends, channel, limits, *by_chance)
+    def custom_kernel(self, swarm: Swarm) -> Kernel:
+        """Return what disturbs the readings of custom sensors, made anew when robots or the key are others."""
+        prepared, state = self._of_custom, (swarm.version, self.key)
+        if prepared.kernel is None or prepared.state != state:
+            blocks = [Block(self._custom_arrays(swarm, name)) for name in swarm.table.readings]
+            kernels = [Kernel(spoil_column, block.numbers, block) for block in blocks]
+            prepared.state, prepared.kernel = state, sequence_of(kernels)
+        return prepared.kernel
+
+    def _custom_arrays(self, swarm: Swarm, name: str) -> "CustomArrays":
+        columns, fails = swarm.columns, FAILED_SENSORS in swarm.columns
+        least, largest = _limits_of(swarm, name)
+        return CustomArrays(
+            design=columns["design"],
+            number=columns["number"],
+            key=_as_integer(self.key),
+            disturbs=self._disturbs_readings,
+            limits=self.imperfections.sensing.limits,
+            channel=CUSTOM + (crc32(name.encode()) << CUSTOM_BITS),
+            reading=columns[name],
+            last=columns[f"{LAST_READ}{name}"],
+            least=least,
+            largest=largest,
+            fails=fails,
+            failed=columns[FAILED_SENSORS] if fails else np.empty((0, 0), np.bool_),
+            places=_places_of_custom(swarm, name),
+        )
 
     def driven_wheels(self, swarm: Swarm, step: int) -> np.ndarray:
-        """Return the speeds at which motors drive the wheels in this step, shape (n, w), and wear the robots.
+        """Return the speeds at which motors drive the wheels in a step, counted from 0, (n, w), and wear the robots.
 
         Where robots' wheels are perfect, that is the column command itself.
         """
-        columns, table, imperfections = swarm.columns, swarm.table, self.imperfections
-        fails = FAILED_WHEELS in columns
-        if not (self._disturbs_driving or fails or table.battery.any()):
-            return columns["command"]
-        driven = columns["command"].copy()
-        worn = [imperfection_column(swarm, name) for name in ("told", "wheels", "used", "broken")]
-        bodies = columns["max_speed"], columns["design"], table.sideways, table.numbers, columns["number"]
-        slips = float(imperfections.slip_probability), float(imperfections.slip_magnitude)
-        charge = np.where(table.battery > 0.0, table.battery, imperfections.battery)
-        limits = imperfections.driving.limits, (float(imperfections.failure), *slips)
-        spoil_wheels(driven, *worn, *bodies, charge, *limits, step, np.uint64(self.key))
-        if fails:
-            wheels = table.sideways, table.numbers, columns["design"], columns["number"]
-            rate = float(imperfections.wheel_failure)
-            fail_wheels(driven, columns[FAILED_WHEELS], *wheels, rate, step, np.uint64(self.key))
+        kernel, driven = self.wheel_kernel(swarm)
+        if kernel is not None:
+            kernel.run(step + 1, len(swarm))
         return driven
 
+    def wheel_kernel(self, swarm: Swarm) -> tuple[Kernel | None, np.ndarray]:
+        """Return what writes at which speeds motors drive the wheels, and these, (n, w): commands where it is None."""
+        columns, table = swarm.columns, swarm.table
+        fails = FAILED_WHEELS in columns
+        if not (self._disturbs_driving or fails or table.battery.any()):
+            return None, columns["command"]
+        prepared, state = self._of_wheels, (swarm.version, self.key)
+        if prepared.kernel is None or prepared.state != state:
+            arrays = self._wheel_arrays(swarm, fails)
+            block = Block(arrays)
+            prepared.state, prepared.kernel = state, Kernel(drive_imperfectly, block.numbers, (arrays.driven, block))
+        return prepared.kernel, prepared.kernel.kept[0]
 
-def blind_sensors(swarm: Swarm, failed: np.ndarray) -> None:
-    """Let the built-in sensors that failed (n, s) read nothing."""
-    columns = swarm.columns
-    nothing = {"distance": NOTHING, "kind": -1, "radiation": 0.0, "line": False}
-    columns_of_kind = {ProximitySensor: ("distance", "kind"), RadiationSensor: ("radiation",), LineSensor: ("line",)}
+    def _wheel_arrays(self, swarm: Swarm, fails: bool) -> "DrivingArrays":
+        columns, table, imperfections = swarm.columns, swarm.table, self.imperfections
+        slips = float(imperfections.slip_probability), float(imperfections.slip_magnitude)
+        return DrivingArrays(
+            command=columns["command"],
+            driven=np.empty_like(columns["command"]),
+            **{name: imperfection_column(swarm, name) for name in ("told", "wheels", "used", "broken")},
+            max_speed=columns["max_speed"],
+            design=columns["design"],
+            sideways=table.sideways,
+            numbers=table.numbers,
+            number=columns["number"],
+            charge=np.where(table.battery > 0.0, table.battery, float(imperfections.battery)),
+            limits=imperfections.driving.limits,
+            wear=(float(imperfections.failure), *slips),
+            fails=fails,
+            failed=columns[FAILED_WHEELS] if fails else np.empty((0, 0), np.int8),
+            failure=float(imperfections.wheel_failure),
+            key=_as_integer(self.key),
+        )
+
+
+def _as_integer(key: int) -> int:
+    """Return the 64 bits of a key as a block holds them."""
+    return int(np.uint64(key).view(np.int64))
+
+
+def _places_of_built_in(swarm: Swarm) -> np.ndarray:
+    """Return of each sensor of a design, (d, s, 2), its kind, see `BUILT_IN`, and its column; -1 for custom ones."""
+    places = np.full((len(swarm.designs), max((len(d.sensors) for d in swarm.designs), default=0), 2), -1)
     for d, design in enumerate(swarm.designs):
-        rows = np.flatnonzero((columns["design"] == d) & failed.any(axis=1))
-        counts = dict.fromkeys(columns_of_kind, 0)
-        for s, sensor in enumerate(design.sensors if len(rows) else ()):
-            for kind in (kind for kind in columns_of_kind if isinstance(sensor, kind)):
-                for name in columns_of_kind[kind]:
-                    columns[name][rows[failed[rows, s]], counts[kind]] = nothing[name]
+        counts = [0] * len(BUILT_IN)
+        for s, sensor in enumerate(design.sensors):
+            for kind in (kind for kind, sensor_class in enumerate(BUILT_IN) if isinstance(sensor, sensor_class)):
+                places[d, s] = kind, counts[kind]
                 counts[kind] += 1
+    return places
 
 
-def blind_custom_sensors(swarm: Swarm, failed: np.ndarray) -> None:
-    """Let the custom sensors that failed (n, s) read nothing."""
-    columns = swarm.columns
+def _places_of_custom(swarm: Swarm, name: str) -> np.ndarray:
+    """Return where each sensor of a design, (d, s, 2), writes into the column of a name: first and width, or 0."""
+    places = np.zeros((len(swarm.designs), max((len(d.sensors) for d in swarm.designs), default=0), 2), np.int64)
     for d, design in enumerate(swarm.designs):
-        rows = np.flatnonzero((columns["design"] == d) & failed.any(axis=1))
         own = [s for s, sensor in enumerate(design.sensors) if type(sensor) not in BUILT_IN]
-        for s, (sensor, first) in zip(own, places_of_custom_sensors(design), strict=True) if len(rows) else ():
-            columns[sensor.name][rows[failed[rows, s]], first : first + int(sensor.width)] = np.nan
+        for s, (sensor, first) in zip(own, places_of_custom_sensors(design), strict=True):
+            if sensor.name == name:
+                places[d, s] = first, int(sensor.width)
+    return places
 
 
 def _limits_of(swarm: Swarm, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -164,6 +308,92 @@ def _limits_of(swarm: Swarm, name: str) -> tuple[np.ndarray, np.ndarray]:
 def imperfection_column(swarm: Swarm, name: str) -> np.ndarray:
     """Return a column of the state of imperfect robots."""
     return swarm.columns[f"{LASTING}{name}"]
+
+
+@compiled(nogil=True)
+def spoil_all_readings(block, step, first, last):
+    """Disturb what all built-in sensors read, of all rows, and let those that failed read nothing."""
+    r = unpack(block, ReadingArrays)
+    design, number, key, moment, limits = r.design, r.number, np.uint64(r.key), step - 1, r.limits
+    if r.disturbs:
+        by_chance = design, number, moment, key
+        spoil(r.distance, r.kind, r.last_distance, r.last_kind, r.farthest, NOTHING, 0, limits, *by_chance)
+        # The kinds that only proximity sensors read are neither looked at nor stored for the others.
+        heat, no_kind = r.radiation, r.no_kind_of_heat
+        spoil(heat, no_kind, r.last_radiation, no_kind, r.hottest, 0.0, RADIATION, limits, *by_chance)
+        spoil_lines(r, moment)
+    if r.fails:
+        break_sensors(r.failed, r.sensors, design, number, r.failure, moment, key)
+        blind_sensors(r)
+    return 0
+
+
+@compiled(nogil=True)
+def spoil_column(block, step, first, last):
+    """Disturb what custom sensors of a name read, of all rows, and let those that failed read nothing."""
+    c = unpack(block, CustomArrays)
+    design, reading, failed, places = c.design, c.reading, c.failed, c.places
+    if c.disturbs:
+        by_chance = c.limits, design, c.number, step - 1, np.uint64(c.key)
+        spoil_any(reading, c.last, c.least, c.largest, c.channel, *by_chance)
+    if c.fails:
+        for i in range(failed.shape[0]):
+            for s in range(places.shape[1]):
+                begin, width = places[design[i], s, 0], places[design[i], s, 1]
+                if width > 0 and failed[i, s]:
+                    reading[i, begin : begin + width] = math.nan
+    return 0
+
+
+@compiled
+def spoil_lines(r, moment):
+    """Disturb what line sensors read: yes or no, which has no error: an outlier is either. A mark is dark ground."""
+    line, last, bright, last_bright, no_kind = r.line, r.last_line, r.bright, r.last_bright, r.no_kind_of_line
+    _, dropout, outliers, hold, period, lag = r.limits
+    limits = 0.0, dropout, outliers, hold, period, lag
+    for i in range(line.shape[0]):
+        for s in range(line.shape[1]):
+            bright[i, s], last_bright[i, s] = 1.0 - line[i, s], 1.0 - last[i, s]
+    key = np.uint64(r.key)
+    spoil(bright, no_kind, last_bright, no_kind, r.brightest, 1.0, LINE, limits, r.design, r.number, moment, key)
+    for i in range(line.shape[0]):
+        for s in range(line.shape[1]):
+            line[i, s], last[i, s] = bright[i, s] < 0.5, last_bright[i, s] < 0.5
+
+
+@compiled
+def blind_sensors(r):
+    """Let the built-in sensors that failed (n, s) read nothing."""
+    failed, places = r.failed, r.places
+    for i in range(failed.shape[0]):
+        d = r.design[i]
+        for s in range(r.sensors[d]):
+            kind, place = places[d, s, 0], places[d, s, 1]
+            if not failed[i, s]:
+                continue
+            if kind == OF_PROXIMITY:
+                r.distance[i, place], r.kind[i, place] = NOTHING, -1
+            elif kind == OF_RADIATION:
+                r.radiation[i, place] = 0.0
+            elif kind == OF_LINE:
+                r.line[i, place] = False
+
+
+@compiled(nogil=True)
+def drive_imperfectly(block, step, first, last):
+    """Write the speeds at which motors drive the wheels, of all rows, and wear the robots."""
+    d = unpack(block, DrivingArrays)
+    command, driven, moment, key = d.command, d.driven, step - 1, np.uint64(d.key)
+    for i in range(command.shape[0]):
+        for w in range(command.shape[1]):
+            driven[i, w] = command[i, w]
+    spoil_wheels(
+        driven, d.told, d.wheels, d.used, d.broken, d.max_speed, d.design, d.sideways, d.numbers, d.number, d.charge,
+        d.limits, d.wear, moment, key,
+    )  # fmt: skip
+    if d.fails:
+        fail_wheels(driven, d.failed, d.sideways, d.numbers, d.design, d.number, d.failure, moment, key)
+    return 0
 
 
 @compiled

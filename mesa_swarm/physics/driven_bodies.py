@@ -17,7 +17,7 @@ from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
-from mesa_swarm.physics.arcs import least_radius
+from mesa_swarm.physics.arcs import copy_places, least_radius
 from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import CARRIED, Statics, edges_of
@@ -27,6 +27,8 @@ LONGEST_STEP = 0.4
 MOST_PIECES = 64
 FEWEST_CELLS = 64
 CELLS_PER_ITEM = 4
+# Codes of kernels: there are no robots; loads have strayed so far that the tables of bodies have to be made anew.
+DONE, ALONE, WORN = 0, 1, 2
 
 
 class MovingItems(NamedTuple):
@@ -45,7 +47,7 @@ class MoverArrays(NamedTuple):
     The first six are columns of `BodyTable`, of which `rows` are the driven bodies. Then come, with a row for each body
     of the table, the poses at which bodies began the step and the piece, and which ones have jumped; their outlines,
     items, the body of each item of `Statics`, -1 for none; and lists of the items that can be touched, within `touch`,
-    or seen, within `sight`, from each cell.
+    or seen, within `sight`, from each cell; and whether the latter are of present poses.
     """
 
     position: RealRows
@@ -67,6 +69,42 @@ class MoverArrays(NamedTuple):
     touch: float
     sight_cells: CellLists
     sight: float
+    listed: Flags
+
+
+class BeginArrays(NamedTuple):
+    """What `begin_ways` takes: columns of bodies, where driven ones begin, if there are any, and if they have gone."""
+
+    pushers: Integers
+    moved: Flags
+    position: RealRows
+    heading: Reals
+    start: RealRows
+    start_heading: Reals
+    driven: bool
+    gone: Flags
+
+
+class EndArrays(NamedTuple):
+    """What `end_ways` takes.
+
+    Columns of bodies, the rows of carried ones and of their robots, and columns of these; what `have_strayed` takes of
+    loads, and whether it was noted that they have.
+    """
+
+    position: RealRows
+    heading: Reals
+    aim: RealRows
+    aim_heading: Reals
+    carried: Integers
+    carriers: Integers
+    robot_position: RealRows
+    robot_heading: Reals
+    loads: Integers
+    reference: RealRows
+    load_reach: Reals
+    slack: float
+    noted: Flags
 
 
 class Moving:
@@ -127,9 +165,9 @@ class Moving:
             touch=float(touch),
             sight_cells=self._lists(bounds, sight),
             sight=float(sight),
+            listed=np.zeros(1, np.bool_),
         )
         self._block = Block(self.arrays)
-        self._listed_for_sight = False
         self.place()
 
     def _lists(self, bounds: Bounds, reach: float) -> CellLists:
@@ -147,14 +185,11 @@ class Moving:
 
     def look(self) -> None:
         """List what can be seen from each cell, unless it is listed."""
-        if not self._listed_for_sight:
-            list_seen(self.block, self._statics.edges, self._statics.discs)
-            self._listed_for_sight = True
+        list_seen(self.block, self._statics.edges, self._statics.discs)
 
     def place(self) -> None:
         """Write and list all items at the present poses of their bodies."""
         place_bodies(self.block, self._statics.edges, self._statics.discs)
-        self._listed_for_sight = False
 
     def begin(self) -> None:
         """Store the poses at which the bodies begin a step."""
@@ -162,14 +197,8 @@ class Moving:
 
     def return_to_start(self, blocked: Callable[[], np.ndarray]) -> None:
         """Put all bodies where they begin the step; those that are then `blocked` stay there."""
-        table, rows = self.bodies, self.rows
-        at_start = table.position[rows] == self.start[rows], table.heading[rows] == self.start_heading[rows]
-        if not (at_start[0].all() and at_start[1].all()):
-            table.position[rows], table.heading[rows] = self.start[rows], self.start_heading[rows]
-            self.place()
-        table.blocked[rows] = blocked()
-        if table.are_to_move(rows).any():
-            self._listed_for_sight = False
+        if return_to_start(self.block, self._statics.edges, self._statics.discs):
+            self.bodies.blocked[self.rows] = blocked()
 
     def go_freely(self) -> None:
         """Put all bodies that are not blocked where they were asked to be, in a world without robots."""
@@ -177,6 +206,52 @@ class Moving:
         free = self.rows[~table.blocked[self.rows]]
         table.position[free], table.heading[free] = table.aim[free], table.aim_heading[free]
         self.place()
+
+
+@compiled(nogil=True)
+def begin_ways(block, step, first, last):
+    """Forget what bodies did in the last step, and note where they are; without robots Python lets them go."""
+    b = unpack(block, BeginArrays)
+    if b.gone[0]:
+        b.gone[0] = False
+        return DONE
+    b.pushers[:], b.moved[:] = 0, False
+    if not b.driven:
+        return DONE
+    copy_places(b.position, b.start)
+    for k in range(b.heading.shape[0]):
+        b.start_heading[k] = b.heading[k]
+    return ALONE if last == 0 else DONE
+
+
+@compiled(nogil=True)
+def end_ways(block, step, first, last):
+    """Forget all requests of bodies, which are done or were blocked, and put carried ones where their robots are."""
+    b = unpack(block, EndArrays)
+    position, heading = b.position, b.heading
+    for k in range(b.carried.shape[0]):
+        row, robot = b.carried[k], b.carriers[k]
+        position[row, 0], position[row, 1] = b.robot_position[robot, 0], b.robot_position[robot, 1]
+        heading[row] = b.robot_heading[robot]
+    copy_places(position, b.aim)
+    for k in range(heading.shape[0]):
+        b.aim_heading[k] = heading[k]
+    if not b.noted[0] and have_strayed(position, heading, b.loads, b.reference, b.load_reach, b.slack):
+        b.noted[0] = True
+        return WORN
+    return DONE
+
+
+@compiled
+def have_strayed(position, heading, loads, reference, reach, slack):
+    """Return whether a point of a load may be farther than `slack` from where it was at the poses of reference."""
+    for k in range(loads.shape[0]):
+        b = loads[k]
+        shift = math.hypot(position[b, 0] - reference[k, 0], position[b, 1] - reference[k, 1])
+        chord = 2.0 * abs(math.sin((heading[b] - reference[k, 2]) / 2.0))
+        if shift + reach[k] * chord > slack:
+            return True
+    return False
 
 
 @compiled
@@ -187,9 +262,28 @@ def place_bodies(block, edges, discs):
 
 @compiled
 def list_seen(block, edges, discs):
-    """List the items of all bodies by the cells from which they can be seen."""
+    """List the items of all bodies by the cells from which they can be seen, unless they are listed."""
     movers = unpack(block, MoverArrays)
-    list_items(edges, discs, movers.items, movers.sight, movers.sight_cells)
+    if not movers.listed[0]:
+        list_items(edges, discs, movers.items, movers.sight, movers.sight_cells)
+        movers.listed[0] = True
+
+
+@compiled
+def return_to_start(block, edges, discs):
+    """Put all bodies where they begin the step, none of them blocked, and return whether any is to move."""
+    m = unpack(block, MoverArrays)
+    position, heading, start, start_heading, aim = m.position, m.heading, m.start, m.start_heading, m.aim
+    went, goes = False, False
+    for b in m.rows:
+        if position[b, 0] != start[b, 0] or position[b, 1] != start[b, 1] or heading[b] != start_heading[b]:
+            position[b, 0], position[b, 1], heading[b] = start[b, 0], start[b, 1], start_heading[b]
+            went = True
+        m.blocked[b] = False
+        goes |= aim[b, 0] != position[b, 0] or aim[b, 1] != position[b, 1] or m.aim_heading[b] != heading[b]
+    if went:
+        follow_bodies(m, edges, discs)
+    return goes
 
 
 @compiled
@@ -309,9 +403,10 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
 
 @compiled
 def follow_bodies(movers, edges, discs):
-    """Write and list the items of all bodies where these are now."""
+    """Write and list the items of all bodies where these are now, from where they can be touched."""
     place_items(movers.position, movers.heading, movers.outlines, edges, discs)
     list_items(edges, discs, movers.items, movers.touch, movers.touch_cells)
+    movers.listed[0] = False
 
 
 @compiled

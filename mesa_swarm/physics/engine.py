@@ -3,36 +3,56 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numpy.random import Generator
 
 from mesa_swarm.geometry.grid import Grid
-from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.block import Block, KernelCall, code_address
+from mesa_swarm.kernels.draws import Stream, stream_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.physics.arcs import write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.crowd import LISTED, Crowd
-from mesa_swarm.physics.loads import find_stuck_loads, push_all, return_loads
+from mesa_swarm.physics.loads import (
+    LoadArrays,
+    find_stuck_loads,
+    note_stuck_loads,
+    push_all,
+    push_loads_of_robots,
+    return_loads,
+)
 from mesa_swarm.physics.placing import settle_robots
-from mesa_swarm.physics.sensing import EyeArrays, add_errors, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.sensing import EyeArrays, sense_inside, sense_proximity
+from mesa_swarm.physics.sensor_noise import NO_NOISE, SensorNoise
 from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.stage_kernels import (
+    BLOCK,
+    LIST,
     ONLY,
+    REWIND,
     SETTLE,
     DeviceArrays,
+    ErrorArrays,
+    LoadCalls,
     MoveArrays,
+    ProximityArrays,
     SenseArrays,
+    SettleArrays,
+    WheelArrays,
+    finish_readings,
     move_robots,
     move_robots_and_movers,
-    sense_devices,
+    note_readings,
     sense_robots,
     sense_robots_and_movers,
+    settle_first,
 )
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
 from mesa_swarm.physics.travel import Blocks, RobotArrays, travel, travel_together
-from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
-from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slip_wheels
+from mesa_swarm.robots.design import DRIVE_SPEED
+from mesa_swarm.robots.drive import KINDS_OF_DRIVES, Drive, accelerate, lose_motion, slip_wheels
 from mesa_swarm.robots.swarm import Swarm
 
 FEWEST_CELLS = 64
@@ -60,8 +80,8 @@ class Engine(ABC):
         return vars(type(self)()) | {"threads": self.threads}
 
     @abstractmethod
-    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
-        """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
+        """Write all readings of a step, counted from 0; `noise` is what errors are drawn from, None for none."""
 
     @abstractmethod
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
@@ -70,14 +90,16 @@ class Engine(ABC):
         `motion` (n, 3) is along the body: ahead, to the left, map units a step, and the turn, rad.
         """
 
-    def sensing(self, swarm: Swarm, surroundings: Surroundings, due: Mapping[str, bool]) -> dict[str, Any]:
+    def sensing(
+        self, swarm: Swarm, surroundings: Surroundings, noise: SensorNoise | None, due: Mapping[str, bool]
+    ) -> dict[str, Any]:
         """Return the fields of the stage that senses: its kernel, or what makes Python `due`, and what is compiled."""
         return {"python": "the Shapely twin"}
 
     def moving(
-        self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, due: Mapping[str, bool]
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, stream: Generator | None
     ) -> dict[str, Any]:
-        """Return the fields of the stage that moves robots, likewise."""
+        """Return the fields of the stage that moves robots, likewise; arguments are those of `move`."""
         return {"python": "the Shapely twin"}
 
     @abstractmethod
@@ -85,7 +107,7 @@ class Engine(ABC):
         """Move robots that overlap anything to free room nearby."""
 
     def move(
-        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, draws: np.ndarray | None
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, stream: Generator | None
     ) -> None:
         """Move loads, driven bodies and robots, and write position, heading, slip and the contact columns.
 
@@ -96,13 +118,13 @@ class Engine(ABC):
             leave of it.
         turn_angle : float
             Robots that meet a flat face at an angle to its normal larger than this, rad, turn along it.
-        draws : ndarray, shape (n, w), or None
-            Uniform in [0, 1), for the wheels' slip.
+        stream : Generator, optional
+            From which the wheels' slip is drawn; without it none slips by chance.
         """
         self._prepare(swarm, surroundings)
         columns, table, room = swarm.columns, swarm.table, surroundings.room
         motion, drives, collided = self._motion, self._drives, columns["collided"]
-        wheels = rolling_wheels(swarm, driven, draws)
+        wheels = rolling_wheels(swarm, driven, None if stream is None else stream.random(driven.shape))
         write_motion(swarm, drives, wheels, motion)
         if table.slides:
             lose_motion(motion, columns["design"], table.directed)
@@ -135,88 +157,61 @@ class CompiledEngine(Engine):
 
     def __init__(self) -> None:
         super().__init__()
-        self._move_kernel: Kernel | None = None  # of robots that `move_robots` can move
+        self._sense_kernel: Kernel | None = None
+        self._noise: SensorNoise | None = None
+        self._move_kernel: Kernel | None = None
+        self._driven: np.ndarray | None = None
+        self._slip_stream: Generator | None = None
         self._turn_angle = np.zeros(1)
 
-    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
         """Write the columns distance, kind, radiation and line."""
-        self._prepare(swarm, surroundings)
-        columns, table = swarm.columns, swarm.table
-        if columns["distance"].shape[1]:
-            old = (columns["distance"].copy(), columns["kind"].copy()) if table.slow else None
-            self._sense_proximity(swarm, surroundings, step, draws)
-            if old:
-                hold_readings(swarm, step, *old)
-        if self._sense_kernel.function is not sense_devices or self._parts(len(swarm)) > 1:
-            self._sense_devices(swarm, surroundings)
-
-    def _sense_devices(self, swarm: Swarm, surroundings: Surroundings) -> None:
-        """Write the columns radiation and line, where the kernel does not."""
-        columns, table = swarm.columns, swarm.table
-        position, heading, design = columns["position"], columns["heading"], columns["design"]
-        if columns["radiation"].shape[1]:
-            robots = position, heading, design, table.radiation
-            sense_radiation(*robots, self._heat.numbers, columns["radiation"])
-        if columns["line"].shape[1]:
-            marks = surroundings.marks
-            sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
+        n, kernel = len(swarm), self._sense_kernel_for(swarm, surroundings, noise)
+        if self._parts(n) > 1:
+            if swarm.columns["distance"].shape[1]:
+                self._sense_together(swarm, surroundings, n)
+            kernel = kernel._replace(function=finish_readings)
+        kernel.run(step + 1, n)
 
     def move(
-        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, draws: np.ndarray | None
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, stream: Generator | None
     ) -> None:
-        """Move as `Engine.move` says: plain robots without loads by one call of a kernel, others stage by stage."""
-        self._prepare(swarm, surroundings)
-        n = len(swarm)
-        if self._move_kernel is None or draws is not None or surroundings.room is not None or self._parts(n) > 1:
+        """Move as `Engine.move` does, by a kernel; custom drives, and threads, stage by stage."""
+        kernel, n = self._move_kernel_for(swarm, surroundings, driven, stream), len(swarm)
+        if kernel is None or self._parts(n) > 1:
             self._list_pairs()
-            super().move(swarm, surroundings, driven, turn_angle, draws)
+            super().move(swarm, surroundings, driven, turn_angle, stream)
             return
-        begin_way(surroundings)
         self._turn_angle[ONLY] = turn_angle
-        if driven is swarm.columns["command"]:
-            self._move_kernel.run(0, n)
-        else:
-            self._driven[:] = driven
-            self._driven_kernel.run(0, n)
-            write_slip(swarm, driven, self._rolled)
+        kernel.run(0, n)
 
-    def sensing(self, swarm: Swarm, surroundings: Surroundings, due: Mapping[str, bool]) -> dict[str, Any]:
-        """Return the kernel that reads proximity sensors, where that is all."""
+    def sensing(
+        self, swarm: Swarm, surroundings: Surroundings, noise: SensorNoise | None, due: Mapping[str, bool]
+    ) -> dict[str, Any]:
+        """Return the kernel that reads all sensors, unless threads share the work."""
+        reasons = {"threads": self._parts(len(swarm)) > 1, **due}
+        return _fields(self._sense_kernel_for(swarm, surroundings, noise), reasons, "sense_proximity")
+
+    def _sense_kernel_for(self, swarm: Swarm, surroundings: Surroundings, noise: SensorNoise | None) -> Kernel:
+        """Return the kernel that senses, made anew when robots, bodies or the noise of sensors are others."""
         self._prepare(swarm, surroundings)
-        columns, table = swarm.columns, swarm.table
-        reasons = {
-            "no proximity sensors": not columns["distance"].shape[1],
-            "errors of sensors": table.noisy,
-            "readings that are held": table.slow,
-            **self._reasons(swarm, surroundings),
-            **due,
-        }
-        return _fields(self._sense_kernel, reasons, "sense_proximity")
+        if self._sense_kernel is None or self._noise is not noise:
+            self._noise = noise
+            self._make_sensing(swarm, surroundings)
+        return cast(Kernel, self._sense_kernel)
 
     def moving(
-        self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, due: Mapping[str, bool]
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, stream: Generator | None
     ) -> dict[str, Any]:
-        """Return the kernel that moves plain robots."""
-        self._prepare(swarm, surroundings)
+        """Return the kernel that moves robots and loads, unless there are custom drives or threads."""
+        kernel = self._move_kernel_for(swarm, surroundings, driven, stream)
         self._turn_angle[ONLY] = turn_angle
-        reasons = {
-            "no robots": not len(swarm),
-            "drives": len(swarm) > 0 and self._move_kernel is None,
-            "wheels that slip": swarm.table.slips,
-            **self._reasons(swarm, surroundings),
-            **due,
-        }
-        return _fields(self._move_kernel, reasons, "travel_pieces")
-
-    def _reasons(self, swarm: Swarm, surroundings: Surroundings) -> dict[str, bool]:
-        return {
-            "loads": surroundings.room is not None,
-            "driven bodies": surroundings.moving is not None,
-            "threads": self._parts(len(swarm)) > 1,
-        }
+        custom = [type(drive).__name__ for drive, _ in self._drives if type(drive) not in KINDS_OF_DRIVES]
+        reasons = dict.fromkeys(custom, True) | {"threads": self._parts(len(swarm)) > 1}
+        return _fields(kernel, reasons, "travel_pieces")
 
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
-        """Move as `Engine.travel` says; `motion` is `self._motion`, which the blocks hold already."""
+        """Move as `Engine.travel` does; `motion` is `self._motion`, which the blocks hold already."""
         begin_way(surroundings)
         crowd, n = self._crowd, len(swarm)
         if self._parts(n) > 1:
@@ -237,22 +232,12 @@ class CompiledEngine(Engine):
             self._crowd.list_pairs(self._margin)
         self._crowd.near.state[LISTED] = False  # from here on they are elsewhere
 
-    def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
-        columns, table, n = swarm.columns, swarm.table, len(swarm)
+    def _sense_together(self, swarm: Swarm, surroundings: Surroundings, n: int) -> None:
+        """Write the exact readings of proximity sensors as the kernel does, the rows of robots in ranges."""
+        crowd, arguments = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
+        note_readings(self._errors, swarm.columns["distance"], swarm.columns["kind"])
         if surroundings.moving is not None:
             surroundings.moving.look()
-        if self._parts(n) == 1:
-            self._sense_kernel.run(step, n)
-        else:
-            self._sense_together(swarm, n)
-        if draws is not None:
-            add_errors(
-                columns["distance"], columns["design"], table.proximity, table.noise, draws, step, columns["error"]
-            )
-
-    def _sense_together(self, swarm: Swarm, n: int) -> None:
-        """Do what the kernel does, the rows of robots in ranges."""
-        crowd, arguments = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
         crowd.sort()
         pairs = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *arguments))
         crowd.pairs = np.concatenate(pairs)
@@ -300,11 +285,8 @@ class CompiledEngine(Engine):
         self._robots, self._statics = Block(robots), Block(surroundings.still)
         movers = None if surroundings.moving is None else surroundings.moving.block
         self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
-        self._make_sensing(swarm, surroundings)
-        is_plain = not (table.limited or table.mixed or table.slides)
-        self._move_kernel = None
-        if is_plain and [type(drive) for drive, _ in self._drives] == [DifferentialDrive]:
-            self._make_moving(swarm, surroundings)
+        self._sense_kernel = None
+        self._move_kernel = self._driven = self._slip_stream = None
 
     def _make_sensing(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the kernel that senses."""
@@ -314,48 +296,118 @@ class CompiledEngine(Engine):
         self._inside = *robots, *walls, columns["distance"], columns["kind"]
         blocks = self._eyes.numbers, self._crowd.block, NO_NUMBERS if movers is None else movers
         places = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
-        arrays = SenseArrays(*blocks, *places, *self._inside)
-        block, function = Block(arrays), sense_robots if movers is None else sense_robots_and_movers
-        radiation, line, marks = columns["radiation"], columns["line"], surroundings.marks
-        widths = columns["distance"].shape[1], radiation.shape[1] + line.shape[1]
-        if all(widths) and movers is None:
-            heat = table.radiation, self._heat.numbers, radiation
-            marked = table.line, marks.edges, marks.rings, marks.discs, line
-            block, function = Block(DeviceArrays(arrays, *heat, *marked)), sense_devices
-        self._sense_kernel = Kernel(function, block.numbers, block, lambda code: self._crowd.make_room())
+        shape, noise, marks = columns["distance"].shape, self._noise, surroundings.marks
+        old_shape = shape if table.slow else (0, 0)
+        self._errors = ErrorArrays(
+            table=table.noise,
+            errs=noise is not None,
+            noise=NO_NOISE if noise is None else noise.arrays_for(shape),
+            error=columns["error"],
+            holds=table.slow,
+            old_distance=np.empty(old_shape),
+            old_kind=np.empty(old_shape, np.int8),
+            noted=np.zeros(1, np.bool_),
+        )
+        heat = table.radiation, self._heat.numbers, columns["radiation"]
+        devices = DeviceArrays(*heat, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
+        block = Block(SenseArrays(ProximityArrays(*blocks, *places, *self._inside), self._errors, devices))
+        function = sense_robots if movers is None else sense_robots_and_movers
+        self._sense_kernel = Kernel(function, block.numbers, block, self._attend_sensing)
 
-    def _make_moving(self, swarm: Swarm, surroundings: Surroundings) -> None:
-        """Make the kernels that move robots by their commands, or by what else drives their wheels."""
-        n, columns, crowd, movers = len(swarm), swarm.columns, self._crowd, self._blocks.movers
-        self._rolled, self._driven = np.zeros((n, 2)), np.zeros((n, 2))
+    def _attend_sensing(self, code: int) -> None:
+        """Do what `sense_robots` cannot."""
+        if code == REWIND:
+            cast(SensorNoise, self._noise).rewind()
+        else:
+            self._crowd.make_room()
+
+    def settling(self, swarm: Swarm, surroundings: Surroundings) -> Kernel:
+        """Return the kernel that has robots settled which overlap anything, for those that follow in a sequence."""
+        block = Block(SettleArrays(swarm.disturbances))
+        attend = partial(self._attend_moving, swarm, surroundings, None)
+        return Kernel(settle_first, block.numbers, block, attend)
+
+    def _move_kernel_for(
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, stream: Generator | None
+    ) -> Kernel | None:
+        """Return the kernel that moves, made anew when what it takes is another; None where drives are custom ones."""
+        self._prepare(swarm, surroundings)
+        if any(type(drive) not in KINDS_OF_DRIVES for drive, _ in self._drives):
+            return None
+        if self._move_kernel is None or self._driven is not driven or self._slip_stream is not stream:
+            self._driven, self._slip_stream = driven, stream
+            self._move_kernel = self._make_moving(swarm, surroundings, driven, stream)
+        return self._move_kernel
+
+    def _make_moving(
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, stream: Generator | None
+    ) -> Kernel:
+        n, crowd, movers, room = len(swarm), self._crowd, self._blocks.movers, surroundings.room
+        no_call, progress = KernelCall(0, NO_NUMBERS), np.zeros(3, np.int64)
+        loads, calls, blocks = None, LoadCalls(False, no_call, no_call), []
+        if room is not None:
+            loads = LoadArrays.of(surroundings, room, swarm.columns, self._motion)
+            block = Block(loads)
+            push, note_stuck = (code_address(function) for function in (push_loads_of_robots, note_stuck_loads))
+            calls = LoadCalls(True, KernelCall(push, block.numbers), KernelCall(note_stuck, block.numbers))
+            blocks.append(block)
         arrays = MoveArrays(
-            driven=columns["command"],
             turn_angle=self._turn_angle,
             margin=self._margin,
             disturbed=swarm.disturbances,
-            progress=np.zeros(2, np.int64),
-            slip=columns["slip"],
-            rolled=self._rolled,
+            progress=progress,
             start=np.zeros((n, 2)),
             start_heading=np.zeros(n),
+            wheels=wheels_of_swarm(swarm, driven, stream),
+            loads=calls,
             robots=self._robots.numbers,
             crowd=crowd.block,
             statics=self._statics.numbers,
             movers=NO_NUMBERS if movers is None else movers,
             pairs=crowd.block_of_pairs,
         )
+        block = Block(arrays)
         function = move_robots if movers is None else move_robots_and_movers
-        blocks = Block(arrays), Block(arrays._replace(driven=self._driven))
-        attend = partial(self._attend, swarm, surroundings)
-        self._move_kernel, self._driven_kernel = (Kernel(function, block.numbers, block, attend) for block in blocks)
+        attend = partial(self._attend_moving, swarm, surroundings, loads)
+        return Kernel(function, block.numbers, (block, blocks), attend)
 
-    def _attend(self, swarm: Swarm, surroundings: Surroundings, code: int) -> None:
+    def _attend_moving(self, swarm: Swarm, surroundings: Surroundings, loads: LoadArrays | None, code: int) -> None:
         """Do what `move_robots` cannot."""
         if code == SETTLE:
             self.settle(swarm, surroundings)
             swarm.disturbed = False
-        else:
+        elif code == LIST:
             self._crowd.list_pairs(self._margin)
+        elif code == BLOCK:
+            surroundings.bodies.blocked[surroundings.driven] = surroundings.blocked_by_loads()
+        elif loads is not None:
+            stuck = np.flatnonzero(loads.stuck).tolist()
+            return_loads(surroundings, loads.room, loads.poses_before(), stuck)
+
+
+def wheels_of_swarm(swarm: Swarm, driven: np.ndarray, stream: Generator | None) -> WheelArrays:
+    """Return how the wheels of a swarm of built-in drives roll; for `driven` and `stream` see `Engine.move`."""
+    columns, table, none = swarm.columns, swarm.table, np.empty((0, 0))
+    return WheelArrays(
+        command=columns["command"],
+        design=columns["design"],
+        slip=columns["slip"],
+        speed=columns[DRIVE_SPEED] if table.limited else none,
+        driven=driven,
+        spoiled=driven is not columns["command"],
+        kinds=np.array([KINDS_OF_DRIVES[type(design.drive)] for design in swarm.designs], np.int64),
+        acceleration=table.acceleration,
+        sideways=table.sideways,
+        probability=table.slip[0],
+        magnitude=table.slip[1],
+        directed=table.directed,
+        limited=table.limited,
+        slips=stream is not None,
+        slides=table.slides,
+        stream=Stream(0, 0) if stream is None else stream_of(stream),
+        draws=none if stream is None else np.empty(driven.shape),
+        rolled=np.empty(driven.shape),
+    )
 
 
 def _fields(kernel: Kernel | None, due: Mapping[str, bool], compiled: str) -> dict[str, Any]:
@@ -368,13 +420,6 @@ def begin_way(surroundings: Surroundings) -> None:
     """Put driven bodies where they begin this step, and stop those that have a load in their way."""
     if surroundings.moving is not None:
         surroundings.moving.return_to_start(surroundings.blocked_by_loads)
-
-
-def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: np.ndarray) -> None:
-    """Put back the old readings of sensors that are not due in this step: those whose period does not divide it."""
-    waits = step % np.maximum(swarm.table.noise[swarm.design, :, PERIOD], 1) != 0
-    distance, kind = swarm.columns["distance"], swarm.columns["kind"]
-    distance[waits], kind[waits] = old_distance[waits], old_kind[waits]
 
 
 def drives_by_rows(swarm: Swarm) -> Rows:

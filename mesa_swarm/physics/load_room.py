@@ -16,6 +16,7 @@ from mesa_swarm.geometry.outlines import (
     place_solid,
 )
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Codes, Integers, RealRows, Reals
 from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.statics import CARRIED, Statics
 
@@ -28,12 +29,12 @@ IS_CARRIED = np.int8(CARRIED)
 class Forms(NamedTuple):
     """The forms of loads, see `Form`; each has shape (m,). The squares of levers are those of Python."""
 
-    radius: np.ndarray
-    core_radius: np.ndarray
-    reach: np.ndarray
-    thickness: np.ndarray
-    lever: np.ndarray
-    lever_square: np.ndarray
+    radius: Reals
+    core_radius: Reals
+    reach: Reals
+    thickness: Reals
+    lever: Reals
+    lever_square: Reals
 
 
 class Stops(NamedTuple):
@@ -42,23 +43,23 @@ class Stops(NamedTuple):
     `force` and `yielding` are scratch of `loads.free_wrench`.
     """
 
-    x: np.ndarray
-    y: np.ndarray
-    arm: np.ndarray
-    point_x: np.ndarray
-    point_y: np.ndarray
-    force: np.ndarray
-    yielding: np.ndarray
+    x: Reals
+    y: Reals
+    arm: Reals
+    point_x: Reals
+    point_y: Reals
+    force: Reals
+    yielding: Reals
 
 
 class Poses(NamedTuple):
     """Where all bodies are, columns of `BodyTable`, and the rows of loads and of driven bodies in it."""
 
-    position: np.ndarray
-    heading: np.ndarray
-    mode: np.ndarray
-    loads: np.ndarray
-    driven: np.ndarray
+    position: RealRows
+    heading: Reals
+    mode: Codes
+    loads: Integers
+    driven: Integers
 
 
 class Room(NamedTuple):
@@ -74,7 +75,7 @@ class Room(NamedTuple):
     loads: int
     driven: int
     forms: Forms
-    near: np.ndarray
+    near: Integers
     stops: Stops
     two: float
 

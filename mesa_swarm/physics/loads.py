@@ -28,10 +28,13 @@ import numpy as np
 from mesa_swarm.geometry.exact_rounding import MOST_PARTS, exact_sum, hypot
 from mesa_swarm.geometry.outlines import gap_to_point, nearest_to_point
 from mesa_swarm.geometry.overlap import wrap_angle
+from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
 from mesa_swarm.physics.arcs import LONGEST_PIECE, sinc
 from mesa_swarm.physics.contact import SLOP
-from mesa_swarm.physics.load_room import Room, find_stops, has_room, list_near, place_load, place_outlines
+from mesa_swarm.physics.driven_bodies import MovingItems, place_items
+from mesa_swarm.physics.load_room import Poses, Room, find_stops, has_room, list_near, place_load, place_outlines
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.world.bodies import Pose
 
@@ -51,11 +54,11 @@ HAIR = 1e-4
 class Pushers(NamedTuple):
     """The robots that may push: (n, 2), rad, map units, map units a step, and their motion (n, 3) in this step."""
 
-    position: np.ndarray
-    heading: np.ndarray
-    radius: np.ndarray
-    max_speed: np.ndarray
-    motion: np.ndarray
+    position: RealRows
+    heading: Reals
+    radius: Reals
+    max_speed: Reals
+    motion: RealRows
 
 
 class Pushes(NamedTuple):
@@ -64,27 +67,89 @@ class Pushes(NamedTuple):
     `along` is how fast its point there moves, per unit of the twist; `terms` and `parts` are scratch of sums.
     """
 
-    x: np.ndarray
-    y: np.ndarray
-    arm: np.ndarray
-    force: np.ndarray
-    way: np.ndarray
-    along: np.ndarray
-    terms: np.ndarray
-    parts: np.ndarray
+    x: Reals
+    y: Reals
+    arm: Reals
+    force: Reals
+    way: Reals
+    along: Reals
+    terms: Reals
+    parts: Reals
+
+
+class LoadArrays(NamedTuple):
+    """What kernels of loads take: arguments of `push_loads`, items of loads, edges and discs, what is overlapped."""
+
+    robots: Pushers
+    poses: Poses
+    resistance: Reals
+    room: Room
+    pushes: Pushes
+    pushers: Integers
+    moved: Flags
+    old: RealRows
+    items: MovingItems
+    edges: RealRows
+    discs: RealRows
+    stuck: Flags
+
+    @classmethod
+    def of(cls, surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> "LoadArrays":
+        """Return the loads of a world, and what may push them; `motion` is written in each step."""
+        table, statics, count, n = surroundings.bodies, surroundings.statics, len(surroundings.loads), len(motion)
+        return cls(
+            robots=Pushers(motion=motion, **{name: columns[name] for name in Pushers._fields[:-1]}),
+            poses=surroundings.poses,
+            resistance=table.resistance,
+            room=room,
+            pushes=Pushes(parts=np.empty(MOST_PARTS), **{name: np.empty(n) for name in Pushes._fields[:-1]}),
+            pushers=table.pushers,
+            moved=table.moved,
+            old=np.empty((count, 3)),
+            items=surroundings.items,
+            edges=statics.edges,
+            discs=statics.discs,
+            stuck=np.zeros(count, np.bool_),
+        )
+
+    def poses_before(self) -> dict[int, Pose]:
+        """Return the poses before this step of the loads that moved and have not returned."""
+        return {k: tuple(self.old[k].tolist()) for k in np.flatnonzero(self.moved[self.poses.loads]).tolist()}
+
+
+@compiled(nogil=True)
+def push_loads_of_robots(block, step, first, last):
+    """Do what `push_all` does: move every load that is pushed hard enough, of all robots."""
+    a = unpack(block, LoadArrays)
+    poses, old, has_moved = a.poses, a.old, False
+    for k in range(old.shape[0]):
+        row = poses.loads[k]
+        old[k, 0], old[k, 1], old[k, 2] = poses.position[row, 0], poses.position[row, 1], poses.heading[row]
+    push_loads(a.robots, poses, a.resistance, a.room, a.pushes, a.pushers, a.moved)
+    for k in range(old.shape[0]):
+        has_moved |= a.moved[poses.loads[k]]
+    if has_moved:
+        place_items(poses.position, poses.heading, a.items, a.edges, a.discs)
+    return 0
+
+
+@compiled(nogil=True)
+def note_stuck_loads(block, step, first, last):
+    """Write which of the loads that moved are overlapped by a robot, and return how many."""
+    a = unpack(block, LoadArrays)
+    stuck, count = a.stuck, 0
+    for k in range(stuck.shape[0]):
+        is_moved = a.moved[a.poses.loads[k]]
+        stuck[k] = is_moved and is_overlapped(k, a.robots.position, a.robots.radius, a.poses, a.room)
+        count += stuck[k]
+    return count
 
 
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return the old poses of those that moved."""
-    table, rows, n = surroundings.bodies, surroundings.loads, len(motion)
-    old = np.column_stack([table.position[rows], table.heading[rows]])
-    robots = Pushers(motion=motion, **{name: columns[name] for name in Pushers._fields[:-1]})
-    pushes = Pushes(parts=np.empty(MOST_PARTS), **{name: np.empty(n) for name in Pushes._fields[:-1]})
-    push_loads(robots, surroundings.poses, table.resistance, room, pushes, table.pushers, table.moved)
-    before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(table.moved[rows]).tolist()}
-    if before:
-        surroundings.follow()
-    return before
+    arrays = LoadArrays.of(surroundings, room, columns, motion)
+    push_loads_of_robots(Block(arrays).numbers, 0, 0, len(motion))
+    return arrays.poses_before()
 
 
 @compiled

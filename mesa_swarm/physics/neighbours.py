@@ -4,21 +4,24 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_number
 from mesa_swarm.geometry import Bounds
-from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.geometry.grid import CellLists, Grid, GridNumbers, cell_index
+from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.physics.broadcasts import is_cut_but, is_nearer_robot, sorted_senders
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
+from mesa_swarm.physics.broadcasts import NO_LISTS, is_cut_but, is_nearer_robot, sorted_senders
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.sensing import rotate_into_frame
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling
-from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
-from mesa_swarm.world.statics import CARRIED, KINDS, NOTHING, ROBOT
+from mesa_swarm.robots.sensors import LARGEST_RANGE, RowsOfSensor, Sensor, begin_reading, end_reading
+from mesa_swarm.world.statics import CARRIED, FIRE, KINDS, NOTHING, ROBOT
 
 MOST_NEIGHBOURS = 1000
 LAMP = f"{ACT}lamp"
@@ -68,6 +71,51 @@ def read_neighbours(
             out[i, step * k], out[i, step * k + 1] = math.sqrt(squares[k]), math.atan2(aside, ahead)
             if lamp:
                 out[i, step * k + 2] = lamps[j]
+
+
+class NeighbourReading(NamedTuple):
+    """What `read_all_neighbours` takes: the robots that have the sensor, and other arguments of `read_neighbours`.
+
+    Places are copied from rows of positions, lamps from the first numbers of a column, which is empty without any.
+    """
+
+    robots: RowsOfSensor
+    positions: RealRows
+    of_places: Integers
+    places: RealRows
+    number: Integers
+    bodies: Integers
+    lamp_column: RealRows
+    lamps: Reals
+    reach: float
+    occluded: bool
+    lamp: bool
+    grid: GridNumbers
+    edges: RealRows
+    discs: RealRows
+    touch_cells: CellLists
+    driven: CellLists
+    owners: Integers
+
+
+@compiled(nogil=True)
+def read_all_neighbours(block, step, first, last):
+    """Do what `read_neighbours` does, for all robots that have the sensor."""
+    a = unpack(block, NeighbourReading)
+    r, places, lamps, lists, driven = a.robots, a.places, a.lamps, a.touch_cells, a.driven
+    for k in range(places.shape[0]):
+        places[k, 0], places[k, 1] = a.positions[a.of_places[k], 0], a.positions[a.of_places[k], 1]
+    if a.lamp_column.shape[1] > 0:
+        for k in range(lamps.shape[0]):
+            lamps[k] = a.lamp_column[k, 0]
+    obstacles = a.edges, a.discs, lists.grid, lists.start, lists.items, (driven.grid, driven.start, driven.items)
+    begin_reading(r)
+    read_neighbours(
+        r.own_position, r.own_heading, r.rows, places, a.number, a.bodies, lamps, a.reach, a.occluded, a.lamp, a.grid,
+        obstacles, a.owners, r.out,
+    )  # fmt: skip
+    end_reading(r)
+    return 0
 
 
 @lru_cache(maxsize=64)
@@ -171,6 +219,37 @@ class NeighbourSensor(Sensor):
             "grid": _grid_of(model.map.bounds, reach, len(of_kind["places"])),
         }
 
+    def kernel_for(self, model: Any, rows: np.ndarray, column: np.ndarray, first: int) -> Kernel | None:
+        """Return what reads for the robots in these rows, see `Sensor`; None for fires, which are not seen once out."""
+        if self.kind == KINDS[FIRE]:
+            return None
+        named, scene, table = dict(self.arguments(model)), model.parts.bodies.scene(), model.parts.bodies.table
+        of_robots, statics, moving = self.kind == KINDS[ROBOT], scene.statics, scene.moving
+        lamps = model.swarm.columns.get(LAMP) if self.lamp else None
+        count = len(named["places"])
+        block = Block(
+            NeighbourReading(
+                robots=RowsOfSensor.of(model, rows, column, first, int(self.width)),
+                positions=model.swarm.columns["position"] if of_robots else table.position,
+                of_places=np.arange(count) if of_robots else _rows_of_kind(model, self.kind),
+                places=np.empty((count, 2)),
+                number=named["number"],
+                bodies=named["bodies"],
+                lamp_column=np.empty((0, 0)) if lamps is None else lamps.reshape(count, lamps.size // max(count, 1)),
+                lamps=named["lamps"],
+                reach=named["reach"],
+                occluded=named["occluded"],
+                lamp=named["lamp"],
+                grid=named["grid"],
+                edges=statics.edges,
+                discs=statics.discs[: statics.first_apart],
+                touch_cells=statics.touch_cells,
+                driven=NO_LISTS if moving is None else moving.arrays.touch_cells,
+                owners=statics.owner,
+            )
+        )
+        return Kernel(read_all_neighbours, block.numbers, block)
+
 
 def _robots(model: Any, lamp: bool) -> dict[str, np.ndarray]:
     columns = model.swarm.columns
@@ -186,8 +265,12 @@ def _robots(model: Any, lamp: bool) -> dict[str, np.ndarray]:
 
 def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
     """Return the same of the bodies of a kind, without those that robots carry and those that are out."""
-    table, kinds = model.parts.bodies.table, model.kinds
-    code = kinds.index(kind) if kind in kinds else NOTHING
-    rows = np.flatnonzero((table.kind == code) & (table.visible_kinds == code) & (table.mode != CARRIED))
+    table, rows = model.parts.bodies.table, _rows_of_kind(model, kind)
     number = table.numbers[rows]
     return {"places": table.position[rows], "number": number, "bodies": number, "lamps": np.empty(0)}
+
+
+def _rows_of_kind(model: Any, kind: str) -> np.ndarray:
+    table, kinds = model.parts.bodies.table, model.kinds
+    code = kinds.index(kind) if kind in kinds else NOTHING
+    return np.flatnonzero((table.kind == code) & (table.visible_kinds == code) & (table.mode != CARRIED))

@@ -1,11 +1,16 @@
 """Custom sensors and actuators: their functions, called with the columns and numbers that they name."""
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, SwarmError, UncompiledBehaviourWarning, shortened
+from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel, Prepared, kernel_of
+from mesa_swarm.kernels.sequence import sequence_of
+from mesa_swarm.kernels.type_names import RealRows
 from mesa_swarm.physics.broadcasts import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
@@ -23,7 +28,7 @@ class OwnDevices:
     """The sensors and actuators of a swarm with functions of their own, bound to the rows of their robots."""
 
     def __init__(self) -> None:
-        self._version = -1
+        self._version, self._prepared = -1, Prepared()
         self._readers: list[Reader] = []
         self._doers: list[Doer] = []
 
@@ -35,10 +40,32 @@ class OwnDevices:
         """Read all custom sensors; robots without them read NaN."""
         swarm = model.swarm
         self._bind(model)
+        kernel = self.sensing(model, scene)
+        if kernel is not None:
+            kernel.run(model.completed + 1, len(swarm))
+            return
         for name in swarm.table.readings:
             swarm.columns[name].fill(np.nan)
         for reader in self._readers:
             _call_device(reader.read, reader.sensor, model, scene)
+
+    def sensing(self, model: Any, scene: Surroundings) -> Kernel | None:
+        """Return the kernel that reads all custom sensors, None where one has none, or has not been read yet."""
+        swarm, prepared = model.swarm, self._prepared
+        if self._version != swarm.version:
+            return None
+        state = swarm.version, scene
+        if prepared.state != state:
+            kernels = [reader.kernel(model) for reader in self._readers]
+            prepared.state, prepared.kernel = state, None
+            if None not in kernels:
+                clearing = [_clearing(swarm.columns[name]) for name in swarm.table.readings]
+                prepared.kernel = sequence_of([*clearing, *(kernel for kernel in kernels if kernel is not None)])
+        return prepared.kernel
+
+    def without_kernels(self, model: Any) -> list[str]:
+        """Return the names of the custom sensors that have no kernel."""
+        return [reader.sensor.name for reader in self._readers if reader.kernel(model) is None]
 
     def act(self, model: Any, scene: Surroundings) -> None:
         """Let all actuators do what is set."""
@@ -68,13 +95,25 @@ class OwnDevices:
         self._readers = [Reader(swarm, sensor, first, rows) for sensor, first, rows in _sensors_by_rows(swarm)]
         self._doers = [Doer(swarm, actuator, rows) for actuator, rows in _actuators_by_rows(swarm)]
         self._version = swarm.version
+        model.parts.replan()  # what was not bound has no kernels
 
 
-def clear_actions(swarm: Swarm) -> None:
-    """Set all actuators to 0 that do not hold what they were set to."""
-    for name, (_, holds) in swarm.table.actions.items():
-        if not holds:
-            swarm.columns[f"{ACT}{name}"].fill(0.0)
+class ColumnArray(NamedTuple):
+    """What `clear_column` takes: a column of readings."""
+
+    column: RealRows
+
+
+@compiled(nogil=True)
+def clear_column(block, step, first, last):
+    """Let all robots read nothing, NaN."""
+    unpack(block, ColumnArray).column[:] = np.nan
+    return 0
+
+
+def _clearing(column: np.ndarray) -> Kernel:
+    block = Block(ColumnArray(column))
+    return Kernel(clear_column, block.numbers, block)
 
 
 class Reader:
@@ -82,12 +121,19 @@ class Reader:
 
     def __init__(self, swarm: Swarm, sensor: Sensor, first: int, rows: np.ndarray) -> None:
         self.sensor, self.rows = sensor, rows
-        column = swarm.columns[sensor.name]
+        column = self._column = swarm.columns[sensor.name]
+        self._first = first
         width = int(sensor.width)
         self._call = Call(swarm, sensor, "read", rows)
         self._place = column[:, first : first + width]
         self._whole = len(rows) == len(swarm) and column.shape[1] == width
         self._out = column if self._whole else np.empty((len(rows), width))
+
+    def kernel(self, model: Any) -> Kernel | None:
+        """Return the kernel that writes the readings, if the class of the sensor has one that does what it does."""
+        place = model, self.rows, self._column, self._first
+        of_function = kernel_of(self.sensor, "read", *place)
+        return of_function and kernel_of(self.sensor, "arguments", *place)
 
     def read(self, model: Any, scene: Surroundings) -> None:
         """Write the readings."""

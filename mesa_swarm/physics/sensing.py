@@ -22,6 +22,7 @@ from mesa_swarm.robots.design import (
     MAGNITUDE,
     MOUNT_X,
     MOUNT_Y,
+    PERIOD,
     PROBABILITY,
     RANGE,
     RAYS,
@@ -364,6 +365,15 @@ def add_errors(distance, design, sensors, noise, draws, step, error):
             if distance[i, s] >= 0.0 and error[i, s] != 0.0:
                 wrong = distance[i, s] * (1.0 + error[i, s])
                 distance[i, s] = min(max(wrong, 0.0), sensors[d, s, RANGE])
+
+
+@compiled
+def hold_readings(moment, design, noise, old_distance, old_kind, distance, kind):
+    """Put back the old readings of sensors that are not due in this step: those whose period does not divide it."""
+    for i in range(distance.shape[0]):
+        for s in range(distance.shape[1]):
+            if moment % max(int(noise[design[i], s, PERIOD]), 1) != 0:
+                distance[i, s], kind[i, s] = old_distance[i, s], old_kind[i, s]
 
 
 @compiled

@@ -24,9 +24,10 @@ from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.arcs import advance_robots, count_pieces
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
 from mesa_swarm.physics.driven_bodies import LONGEST_STEP, MOST_PIECES
-from mesa_swarm.physics.engine import CONTACT_COLUMNS, Engine, begin_way, hold_readings
+from mesa_swarm.physics.engine import CONTACT_COLUMNS, Engine, begin_way
 from mesa_swarm.physics.placing import RING, SWEEPS, no_room_error
-from mesa_swarm.physics.sensing import add_errors
+from mesa_swarm.physics.sensing import add_errors, hold_readings
+from mesa_swarm.physics.sensor_noise import SensorNoise
 from mesa_swarm.physics.separation import MOST_SWEEPS
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.travel import turn_along_faces
@@ -565,15 +566,16 @@ class ShapelyEngine(Engine):
         super().__init__()
         self._solid: tuple[Surroundings, Solids] | None = None
 
-    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
         """Write the columns distance, kind, radiation and line."""
-        columns, table = swarm.columns, swarm.table
+        columns, table, design = swarm.columns, swarm.table, swarm.columns["design"]
         distance, kind = columns["distance"], columns["kind"]
         old = distance.copy(), kind.copy()
         sense_proximity_by_shapely(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
-        if draws is not None:
-            add_errors(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
-        hold_readings(swarm, step, *old)
+        if noise is not None and len(swarm):
+            draws = noise.draw(step, distance.shape)
+            add_errors(distance, design, table.proximity, table.noise, draws, step, columns["error"])
+        hold_readings(step, design, table.noise, *old, distance, kind)
         sense_radiation_by_shapely(swarm, surroundings, columns["radiation"])
         sense_line_by_shapely(swarm, surroundings, columns["line"])
 

@@ -1,4 +1,4 @@
-"""Sensing and moving of plain robots in one call each: the kernels of these stages, see `kernels.part.Kernel`.
+"""Sensing and moving in one call each: the kernels of these stages, see `kernels.part.Kernel`.
 
 In small worlds a step takes about as long as its calls from Python and the arrays that these pass.
 """
@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.block import KernelCall, call_at, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import Stream, draw_number
 from mesa_swarm.kernels.type_names import (
     CodeRows,
     Codes,
@@ -21,22 +22,36 @@ from mesa_swarm.kernels.type_names import (
     RealTables,
 )
 from mesa_swarm.physics.arcs import copy_places, write_achieved_motion, write_wheel_slip
+from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.crowd import LISTED, SIZE, CrowdArrays, PairArrays, near_pairs, put_pairs, sort_by_cell
-from mesa_swarm.physics.sensing import sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.driven_bodies import list_seen, return_to_start
+from mesa_swarm.physics.sensing import (
+    EyeArrays,
+    add_errors,
+    hold_readings,
+    sense_inside,
+    sense_line,
+    sense_proximity,
+    sense_radiation,
+)
+from mesa_swarm.physics.sensor_noise import NoiseArrays, draw_noise
 from mesa_swarm.physics.separation import SETTLED
 from mesa_swarm.physics.travel import RobotArrays, get_apart, travel_pieces
-from mesa_swarm.robots.drive import motion_to_wheels, wheels_to_motion
+from mesa_swarm.robots.drive import accelerate, drive_to_motion, lose_motion, motion_to_drive, slip_wheels
 
-# Codes that kernels return: Python lists pairs in a longer array; it moves robots that overlap to free room.
-DONE, LIST, SETTLE = 0, 1, 2
+# Codes that kernels return: Python lists pairs in a longer array; it moves robots that overlap to free room; it
+# returns to before the draws of this step; it finds which driven bodies loads stop; it returns loads.
+DONE, LIST, SETTLE, REWIND, BLOCK, RETURN = range(6)
 # Places in arrays: of one number, of the progress of a step, of counts of collisions and of steps of robots.
-ONLY, PIECE, PIECES, IN_STEP, IN_ALL, ROBOT_STEPS = 0, 0, 1, 0, 1, 2
+ONLY, NEXT, PIECE, PIECES, IN_STEP, IN_ALL, ROBOT_STEPS = 0, 0, 1, 2, 0, 1, 2
+# What is next of a step.
+BEGIN, SET_OUT, TRAVEL = range(3)
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
 FIRST = np.int64(0)
 
 
-class SenseArrays(NamedTuple):
-    """What `sense_robots` takes: the numbers of blocks, `movers` empty without driven bodies, and what is inside what.
+class ProximityArrays(NamedTuple):
+    """What proximity sensors take: numbers of blocks, `movers` empty without driven bodies, and what is inside what.
 
     Sensors are looked for inside walls where robots are disturbed, or where `exposed` are beyond their bodies: by
     columns and tables of the swarm, and the edges, their kinds, rings and bounds of `Statics`.
@@ -61,10 +76,26 @@ class SenseArrays(NamedTuple):
     kind: CodeRows
 
 
-class DeviceArrays(NamedTuple):
-    """What `sense_devices` takes: besides proximity what `sense_radiation` and `sense_line` do."""
+class ErrorArrays(NamedTuple):
+    """What errs, and what is refreshed less often than every step.
 
-    proximity: SenseArrays
+    The table of errors; whether there are any, their draws, and the column error; whether any reading is held, the
+    readings before this step, and whether they are noted, while the kernel is interrupted.
+    """
+
+    table: RealTables
+    errs: bool
+    noise: NoiseArrays
+    error: RealRows
+    holds: bool
+    old_distance: RealRows
+    old_kind: CodeRows
+    noted: Flags
+
+
+class DeviceArrays(NamedTuple):
+    """What `sense_radiation` and `sense_line` take."""
+
     radiation_sensors: RealTables
     radiating: Integers
     radiation: RealRows
@@ -75,6 +106,14 @@ class DeviceArrays(NamedTuple):
     line: FlagRows
 
 
+class SenseArrays(NamedTuple):
+    """What `sense_robots` takes."""
+
+    proximity: ProximityArrays
+    errors: ErrorArrays
+    devices: DeviceArrays
+
+
 class CountArrays(NamedTuple):
     """What `count_collided` takes: the column collided, the numbers of this step and of all, and of steps of robots."""
 
@@ -82,24 +121,66 @@ class CountArrays(NamedTuple):
     counts: Integers
 
 
+class SettleArrays(NamedTuple):
+    """What `settle_first` takes: whether robots are disturbed."""
+
+    disturbed: Flags
+
+
+class WheelArrays(NamedTuple):
+    """How wheels roll.
+
+    The columns command, design, slip and drive.speed; the speeds at which wheels are driven, and whether they are
+    other ones than those commanded. Of each design the kind of its drive, its acceleration, whether its velocity as a
+    whole is limited, probability and magnitude of slip, and the shares of motion lost; whether any acceleration is
+    limited, any wheel slips by chance, and any motion is lost. The stream of slip; scratch for draws, and for the
+    speeds at which wheels roll.
+    """
+
+    command: RealRows
+    design: Integers
+    slip: RealRows
+    speed: RealRows
+    driven: RealRows
+    spoiled: bool
+    kinds: Integers
+    acceleration: Reals
+    sideways: Flags
+    probability: Reals
+    magnitude: Reals
+    directed: RealRows
+    limited: bool
+    slips: bool
+    slides: bool
+    stream: Stream
+    draws: RealRows
+    rolled: RealRows
+
+
+class LoadCalls(NamedTuple):
+    """Whether there are loads, and the kernels that move them and find those that robots overlap then."""
+
+    present: bool
+    push: KernelCall
+    note_stuck: KernelCall
+
+
 class MoveArrays(NamedTuple):
     """What `move_robots` takes.
 
-    The speeds at which wheels are driven; the angle at which robots turn along faces; the margin of pairs; whether
-    robots are disturbed; the piece of the step that is next, and how many pieces there are, while the step is
-    interrupted. Then the column slip; the speeds at which wheels rolled, and the poses before the step, which are
-    scratch; and the numbers of blocks, `movers` empty without driven bodies.
+    The angle at which robots turn along faces; the margin of pairs; whether robots are disturbed; what is next of the
+    step, its next piece, and how many pieces there are, while the step is interrupted; the poses before the step, which
+    are scratch; and the numbers of blocks, `movers` empty without driven bodies.
     """
 
-    driven: RealRows
     turn_angle: Reals
     margin: float
     disturbed: Flags
     progress: Integers
-    slip: RealRows
-    rolled: RealRows
     start: RealRows
     start_heading: Reals
+    wheels: WheelArrays
+    loads: LoadCalls
     robots: Integers
     crowd: Integers
     statics: Integers
@@ -109,49 +190,87 @@ class MoveArrays(NamedTuple):
 
 @compiled(nogil=True)
 def sense_robots(block, step, first, last):
-    """Sort robots by cell, write their readings without error, and list the pairs near each other: all rows at once."""
-    return _sense(unpack(block, SenseArrays), None, last)
+    """Sort robots by cell, write what all sensors read, and list the pairs near each other: all rows at once."""
+    return _sense(unpack(block, SenseArrays), None, step, last)
 
 
 @compiled(nogil=True)
 def sense_robots_and_movers(block, step, first, last):
     """Do what `sense_robots` does, in a world with driven bodies."""
     s = unpack(block, SenseArrays)
-    return _sense(s, s.movers, last)
+    return _sense(s, s.proximity.movers, step, last)
 
 
 @compiled(nogil=True)
-def sense_devices(block, step, first, last):
-    """Do what `sense_robots` does, and write what radiation and line sensors read, where no bodies are driven."""
-    d = unpack(block, DeviceArrays)
-    s = d.proximity
-    sense_radiation(s.position, s.heading, s.design, d.radiation_sensors, d.radiating, d.radiation)
-    sense_line(s.position, s.heading, s.design, d.mounts, d.marks, d.rings, d.discs, d.line)
-    return _sense(s, None, last)
+def finish_readings(block, step, first, last):
+    """Do what follows on exact readings of proximity sensors: errors, readings that are held, and other sensors."""
+    return _finish(unpack(block, SenseArrays), step)
 
 
 @compiled
-def _sense(s, movers, n):
-    sort_by_cell(s.crowd)
-    pairs = unpack(s.pairs, PairArrays)
-    count = sense_proximity(s.eyes, s.crowd, movers, FIRST, n, pairs.room)
-    pairs.state[SIZE] = count
-    if count >= pairs.room.shape[0]:
-        return LIST
-    pairs.state[LISTED] = True
-    if s.exposed or s.disturbed[ONLY]:
-        sense_inside(
-            s.position, s.heading, s.design, s.sensors, s.counts, s.edges, s.static_kind, s.rings, s.bounds,
-            s.distance, s.kind,
-        )  # fmt: skip
+def _sense(s, movers, step, n):
+    if n == 0:
+        return DONE
+    p, errors = s.proximity, s.errors
+    if p.distance.shape[1] > 0:
+        note_readings(errors, p.distance, p.kind)
+        if movers is not None:
+            list_seen(movers, p.edges, unpack(p.eyes, EyeArrays).discs)
+        sort_by_cell(p.crowd)
+        pairs = unpack(p.pairs, PairArrays)
+        count = sense_proximity(p.eyes, p.crowd, movers, FIRST, n, pairs.room)
+        pairs.state[SIZE] = count
+        if count >= pairs.room.shape[0]:
+            return LIST
+        pairs.state[LISTED] = True
+        if p.exposed or p.disturbed[ONLY]:
+            sense_inside(
+                p.position, p.heading, p.design, p.sensors, p.counts, p.edges, p.static_kind, p.rings, p.bounds,
+                p.distance, p.kind,
+            )  # fmt: skip
+    return _finish(s, step)
+
+
+@compiled
+def note_readings(errors, distance, kind):
+    """Note the readings before this step, where some are held, unless that was done before an interruption."""
+    if errors.holds and not errors.noted[ONLY]:
+        old_distance, old_kind = errors.old_distance, errors.old_kind
+        for i in range(distance.shape[0]):
+            for s in range(distance.shape[1]):
+                old_distance[i, s], old_kind[i, s] = distance[i, s], kind[i, s]
+    errors.noted[ONLY] = True
+
+
+@compiled
+def _finish(s, step):
+    p, errors, d, moment = s.proximity, s.errors, s.devices, step - 1
+    if errors.errs:
+        if not draw_noise(errors.noise, moment):
+            return REWIND
+        add_errors(p.distance, p.design, p.sensors, errors.table, errors.noise.draws, moment, errors.error)
+    if errors.holds:
+        hold_readings(moment, p.design, errors.table, errors.old_distance, errors.old_kind, p.distance, p.kind)
+    errors.noted[ONLY] = False
+    if d.radiation.shape[1] > 0:
+        sense_radiation(p.position, p.heading, p.design, d.radiation_sensors, d.radiating, d.radiation)
+    if d.line.shape[1] > 0:
+        sense_line(p.position, p.heading, p.design, d.mounts, d.marks, d.rings, d.discs, d.line)
     return DONE
 
 
 @compiled(nogil=True)
-def move_robots(block, step, first, last):
-    """Move robots with two wheels that reach their speed at once, where there are no loads: all rows, as they meet.
+def settle_first(block, step, first, last):
+    """Have Python move robots that overlap anything to free room, before anything that a step does to wheels."""
+    return SETTLE if last > 0 and unpack(block, SettleArrays).disturbed[ONLY] else DONE
 
-    What is driven becomes the motion, `travel_pieces` moves all, and the slip of what they have achieved is written.
+
+@compiled(nogil=True)
+def move_robots(block, step, first, last):
+    """Move loads and robots: all rows, as they meet.
+
+    What is driven becomes the motion, robots push loads, `travel_pieces` moves all, and the slip of what wheels have
+    achieved is written. If a robot could not give way to a load, that one returns, and all travel again.
     """
     return _move(unpack(block, MoveArrays), None, last)
 
@@ -165,40 +284,126 @@ def move_robots_and_movers(block, step, first, last):
 
 @compiled
 def _move(m, movers, n):
+    progress, near, r = m.progress, unpack(m.pairs, PairArrays), unpack(m.robots, RobotArrays)
     if n == 0:
         return DONE
+    code = _begin_move(m, near, r, n) if progress[NEXT] == BEGIN else DONE
+    if code == DONE:
+        near.state[LISTED] = 0  # from here on robots are elsewhere
+        code = _go(m, movers, near, r, n)
+    if code == DONE:
+        progress[NEXT] = BEGIN
+        write_achieved_motion(m.start, r.position, m.start_heading, r.extra_turn, r.collided, r.motion)
+        write_rolled_slip(m.wheels, r.collided, r.radius, r.motion)
+    return code
+
+
+@compiled
+def _begin_move(m, near, r, n):
+    """Let wheels roll, and robots push loads."""
     if m.disturbed[ONLY]:
         return SETTLE
-    driven, progress, crowd, statics = m.driven, m.progress, m.crowd, m.statics
-    r, near = unpack(m.robots, RobotArrays), unpack(m.pairs, PairArrays)
-    motion, collided, rolled, start, start_heading = r.motion, r.collided, m.rolled, m.start, m.start_heading
+    if not near.state[LISTED] and not _list_pairs(m, near):
+        return LIST
+    roll_wheels(m.wheels, r.radius, r.motion)
+    _copy_poses(r.position, r.heading, m.start, m.start_heading)
+    if m.loads.present:
+        call_at(m.loads.push.address, m.loads.push.block, FIRST, FIRST, n)
+    m.progress[NEXT] = SET_OUT
+    return DONE
+
+
+@compiled
+def _go(m, movers, near, r, n):
+    """Let all travel; robots that could not give way to a load go back, to travel once more when it has returned."""
+    progress = m.progress
+    if progress[NEXT] == SET_OUT:
+        progress[NEXT], progress[PIECE] = TRAVEL, 0
+        if movers is not None:
+            statics = unpack(m.statics, StaticArrays)
+            if return_to_start(movers, statics.edges, statics.discs) and m.loads.present:
+                return BLOCK
+    if not _travel(m, movers, near):
+        return LIST
+    if m.loads.present and call_at(m.loads.note_stuck.address, m.loads.note_stuck.block, FIRST, FIRST, n) > 0:
+        _copy_poses(m.start, m.start_heading, r.position, r.heading)
+        progress[NEXT] = SET_OUT
+        return RETURN
+    return DONE
+
+
+@compiled
+def _list_pairs(m, near):
+    """List the pairs of robots near each other, and return whether there was room for all."""
+    sort_by_cell(m.crowd)
+    c = unpack(m.crowd, CrowdArrays)
+    return put_pairs(near_pairs(c.reference, c.radii, m.margin, c.grid), near)
+
+
+@compiled
+def _travel(m, movers, near):
+    """Go through the pieces of the step from the next one on, and return whether there was room for all pairs."""
+    progress, crowd, statics, turn_angle = m.progress, m.crowd, m.statics, m.turn_angle[ONLY]
     piece, pieces = progress[PIECE], progress[PIECES]
-    if piece == 0:
-        if not near.state[LISTED]:
-            sort_by_cell(crowd)
-            c = unpack(crowd, CrowdArrays)
-            if not put_pairs(near_pairs(c.reference, c.radii, m.margin, c.grid), near):
-                return LIST
-        wheels_to_motion(driven, r.radius, motion)
-        copy_places(r.position, start)
-        for i in range(n):
-            start_heading[i] = r.heading[i]
-    progress[PIECE], near.state[LISTED] = 0, 0  # from here on robots are elsewhere
-    pairs, turn_angle, state = near.room[: near.state[SIZE]], m.turn_angle[ONLY], SETTLED + 1
+    pairs, state = near.room[: near.state[SIZE]], SETTLED + 1
     while state != SETTLED:
         piece, pieces, state = travel_pieces(piece, pieces, pairs, turn_angle, m.robots, crowd, statics, movers)
         if state != SETTLED:
             pairs, piece = get_apart(state, pairs, crowd, statics, movers), piece + 1
             if not put_pairs(pairs, near):
                 progress[PIECE], progress[PIECES] = piece, pieces
-                return LIST
-    write_achieved_motion(start, r.position, start_heading, r.extra_turn, collided, motion)
-    motion_to_wheels(motion, r.radius, rolled)
-    for i in range(n):
-        if not collided[i]:
-            rolled[i, 0], rolled[i, 1] = driven[i, 0], driven[i, 1]
-    write_wheel_slip(driven, rolled, m.slip)
-    return DONE
+                return False
+    return True
+
+
+@compiled
+def _copy_poses(position, heading, other_position, other_heading):
+    copy_places(position, other_position)
+    for i in range(heading.shape[0]):
+        other_heading[i] = heading[i]
+
+
+@compiled
+def roll_wheels(w, radius, motion):
+    """Write the speeds that acceleration and slip leave of those that are driven, and the motion that they make."""
+    design, rolled, source = w.design, w.rolled, w.driven
+    if w.limited:
+        accelerate(w.driven, w.acceleration, design, w.sideways, w.speed)
+        source = w.speed
+    if w.slips:
+        draws = w.draws
+        for i in range(draws.shape[0]):
+            for k in range(draws.shape[1]):
+                draws[i, k] = draw_number(w.stream)
+        slip_wheels(source, w.probability, w.magnitude, design, draws, rolled)
+    else:
+        for i in range(rolled.shape[0]):
+            for k in range(rolled.shape[1]):
+                rolled[i, k] = source[i, k]
+    drive_to_motion(w.kinds, design, rolled, radius, motion)
+    if w.slides:
+        lose_motion(motion, design, w.directed)
+        for i in range(rolled.shape[0]):
+            motion_to_drive(i, w.kinds[design[i]], motion, radius, rolled)
+
+
+@compiled
+def write_rolled_slip(w, collided, radius, motion):
+    """Write which share of the commands wheels did not roll, with what was taken before they were driven.
+
+    Wheels of robots that collided have rolled as these have achieved.
+    """
+    rolled, driven, slip = w.rolled, w.driven, w.slip
+    for i in range(rolled.shape[0]):
+        if collided[i]:
+            motion_to_drive(i, w.kinds[w.design[i]], motion, radius, rolled)
+    # Motors of limited acceleration roll on where none is driven: only the others have a share of what is driven.
+    if w.spoiled and not w.limited:
+        write_wheel_slip(driven, rolled, slip)
+        for i in range(rolled.shape[0]):
+            for k in range(rolled.shape[1]):
+                rolled[i, k] = driven[i, k] * (1.0 - slip[i, k])
+    write_wheel_slip(w.command, rolled, slip)
 
 
 @compiled(nogil=True)

@@ -9,7 +9,7 @@ import numpy as np
 from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import StaticArrays
-from mesa_swarm.physics.driven_bodies import Moving, MovingItems, place_items
+from mesa_swarm.physics.driven_bodies import Moving, MovingItems, have_strayed, place_items
 from mesa_swarm.physics.load_room import Poses, Room, room_of
 from mesa_swarm.physics.sensing import Radiating
 from mesa_swarm.world.bodies import BodyTable, Form
@@ -143,10 +143,8 @@ class Surroundings:
         """Whether a load has moved so far that the tables have to be made anew before the next step."""
         if self.room is None:
             return False
-        table, loads = self.bodies, self.loads
-        shift = table.position[loads] - self.reference[:, :2]
-        chord = 2.0 * np.abs(np.sin((table.heading[loads] - self.reference[:, 2]) / 2.0))
-        return bool((np.hypot(shift[:, 0], shift[:, 1]) + self.room.forms.reach * chord > self.slack).any())
+        table, reach = self.bodies, self.room.forms.reach
+        return have_strayed(table.position, table.heading, self.loads, self.reference, reach, self.slack)
 
     def follow(self) -> None:
         """Update the tables to the present poses of the loads."""

@@ -464,6 +464,7 @@ def _take_fires(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     interval = every.fires.history.every
     new.fires.history = deepcopy(old.fires.history)
     new.fires.history.every = interval
+    new.parts.replan()  # stages write into the former history
 
 
 def _take_fields(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:

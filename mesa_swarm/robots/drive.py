@@ -214,15 +214,22 @@ def omni_speeds(forward: float, sideways: float, turn: float, radius: float) -> 
 
 
 @compiled
+def omni_motion(speeds, radius):
+    """Return the motion of a body on three omni-wheels: ahead, to the left, and the turn."""
+    x, y, turn = 0.0, 0.0, 0.0
+    for w in range(3):
+        x -= OMNI_SINE[w] * speeds[w]
+        y += OMNI_COSINE[w] * speeds[w]
+        turn += speeds[w]
+    return 2.0 * x / 3.0, 2.0 * y / 3.0, turn / (3.0 * radius)
+
+
+@compiled
 def omni_to_motion(wheels, radius, motion):
     """Write the motions (n, 3) of bodies on three omni-wheels."""
     for i in range(wheels.shape[0]):
-        x, y, turn = 0.0, 0.0, 0.0
-        for w in range(3):
-            x -= OMNI_SINE[w] * wheels[i, w]
-            y += OMNI_COSINE[w] * wheels[i, w]
-            turn += wheels[i, w]
-        motion[i, 0], motion[i, 1], motion[i, 2] = 2.0 * x / 3.0, 2.0 * y / 3.0, turn / (3.0 * radius[i])
+        speeds = wheels[i, 0], wheels[i, 1], wheels[i, 2]
+        motion[i, 0], motion[i, 1], motion[i, 2] = omni_motion(speeds, radius[i])
 
 
 @compiled
@@ -234,22 +241,63 @@ def motion_to_omni(motion, radius, wheels):
 
 
 @compiled
+def differential_motion(left, right, radius):
+    """Return the motion of a differential drive (A.2, A.4): ahead, to the left, and the turn."""
+    return (right + left) / 2.0, 0.0, (right - left) / (2.0 * radius)
+
+
+@compiled
 def wheels_to_motion(wheels, radius, motion):
     """Write forward speed and turn of differential drives (A.2, A.4)."""
     for i in range(wheels.shape[0]):
-        left, right = wheels[i, 0], wheels[i, 1]
-        motion[i, 0] = (right + left) / 2.0
-        motion[i, 1] = 0.0
-        motion[i, 2] = (right - left) / (2.0 * radius[i])
+        motion[i, 0], motion[i, 1], motion[i, 2] = differential_motion(wheels[i, 0], wheels[i, 1], radius[i])
+
+
+@compiled
+def differential_speeds(forward, turn, radius):
+    """Return the rim speeds of a differential drive that make a motion: A.2 and A.4, solved for the wheels."""
+    rim = turn * radius
+    return forward - rim, forward + rim
 
 
 @compiled
 def motion_to_wheels(motion, radius, wheels):
-    """Write the rim speeds of differential drives that make these motions: A.2 and A.4, solved for the wheels."""
+    """Write the rim speeds of differential drives that make these motions."""
     for i in range(motion.shape[0]):
-        forward, rim = motion[i, 0], motion[i, 2] * radius[i]
-        wheels[i, 0] = forward - rim
-        wheels[i, 1] = forward + rim
+        wheels[i, 0], wheels[i, 1] = differential_speeds(motion[i, 0], motion[i, 2], radius[i])
+
+
+# Drives of which compiled functions know the motion, by the codes of their kinds.
+DIFFERENTIAL, HOLONOMIC, OMNI = range(3)
+KINDS_OF_DRIVES: dict[type, int] = {DifferentialDrive: DIFFERENTIAL, HolonomicDrive: HOLONOMIC, OmniDrive: OMNI}
+
+
+@compiled
+def drive_to_motion(kinds, design, wheels, radius, motion):
+    """Write the motions (n, 3) that wheels (n, w) of several kinds of drives make; `kinds` (d,) are of designs."""
+    for i in range(wheels.shape[0]):
+        kind = kinds[design[i]]
+        if kind == DIFFERENTIAL:
+            way = differential_motion(wheels[i, 0], wheels[i, 1], radius[i])
+        elif kind == HOLONOMIC:
+            way = wheels[i, 0], wheels[i, 1], 0.0
+        else:
+            way = omni_motion((wheels[i, 0], wheels[i, 1], wheels[i, 2]), radius[i])
+        motion[i, 0], motion[i, 1], motion[i, 2] = way
+
+
+@compiled
+def motion_to_drive(i, kind, motion, radius, wheels):
+    """Write the speeds of robot i's wheels that would have made its motion; numbers that its drive lacks become 0."""
+    for w in range(2, wheels.shape[1]):
+        wheels[i, w] = 0.0
+    if kind == DIFFERENTIAL:
+        wheels[i, 0], wheels[i, 1] = differential_speeds(motion[i, 0], motion[i, 2], radius[i])
+    elif kind == HOLONOMIC:
+        wheels[i, 0], wheels[i, 1] = motion[i, 0], motion[i, 1]
+    else:
+        speeds = omni_speeds(motion[i, 0], motion[i, 1], motion[i, 2], radius[i])
+        wheels[i, 0], wheels[i, 1], wheels[i, 2] = speeds
 
 
 @compiled

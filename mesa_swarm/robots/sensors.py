@@ -3,13 +3,16 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.geometry.diffusion import interpolate_cells
+from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import ByteRows, Integers, RealRows, Reals
 from mesa_swarm.robots.devices import RESERVED, Device, argument_names, check_device, check_identifier, own_function
 
 LARGEST_RANGE = 1e6
@@ -223,6 +226,70 @@ def read_field(position, heading, mount, amounts, sides, frame, out):
     interpolate_cells(amounts, sides, frame, points, out[:, 0], np.empty((len(out), 2)))
 
 
+class RowsOfSensor(NamedTuple):
+    """The robots that have a sensor, and where it writes.
+
+    Columns of the swarm, and the rows of these robots; scratch of as many rows: poses and readings (k, width); the
+    column of readings, and where in it the sensor begins to write.
+    """
+
+    position: RealRows
+    heading: Reals
+    rows: Integers
+    own_position: RealRows
+    own_heading: Reals
+    out: RealRows
+    column: RealRows
+    first: int
+
+    @classmethod
+    def of(cls, model: Any, rows: np.ndarray, column: np.ndarray, first: int, width: int) -> "RowsOfSensor":
+        """Return the robots in these rows, with scratch."""
+        columns, k = model.swarm.columns, len(rows)
+        scratch = np.empty((k, 2)), np.empty(k), np.empty((k, width))
+        return cls(columns["position"], columns["heading"], np.array(rows), *scratch, column, first)
+
+
+@compiled
+def begin_reading(r):
+    """Copy the poses of the robots that have a sensor, which at first reads nothing, NaN."""
+    rows, position, heading, own_position, own_heading = r.rows, r.position, r.heading, r.own_position, r.own_heading
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        own_position[i, 0], own_position[i, 1], own_heading[i] = position[row, 0], position[row, 1], heading[row]
+    r.out[:] = np.nan
+
+
+@compiled
+def end_reading(r):
+    """Write readings into the column of the sensor."""
+    rows, out, column, first = r.rows, r.out, r.column, r.first
+    for i in range(rows.shape[0]):
+        for w in range(out.shape[1]):
+            column[rows[i], first + w] = out[i, w]
+
+
+class FieldReading(NamedTuple):
+    """What `read_fields` takes: the robots, the sensor's mount, and the field as `geometry.diffusion` takes it."""
+
+    robots: RowsOfSensor
+    mount: tuple[float, float]
+    amounts: RealRows
+    sides: ByteRows
+    frame: tuple[float, float, float, float]
+
+
+@compiled(nogil=True)
+def read_fields(block, step, first, last):
+    """Do what `read_field` does, for all robots that have the sensor."""
+    f = unpack(block, FieldReading)
+    r = f.robots
+    begin_reading(r)
+    read_field(r.own_position, r.own_heading, f.mount, f.amounts, f.sides, f.frame, r.out)
+    end_reading(r)
+    return 0
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FieldSensor(Sensor):
     """A sensor of a scalar field at a point: its value there, interpolated between cells, see `ScalarField.at`.
@@ -269,6 +336,12 @@ class FieldSensor(Sensor):
         """Return the field as `geometry.diffusion` takes it."""
         field = model.fields[self.field]
         return {"amounts": field.values, "sides": field.sides, "frame": field.frame}
+
+    def kernel_for(self, model: Any, rows: np.ndarray, column: np.ndarray, first: int) -> Kernel:
+        """Return what reads the field for the robots in these rows, see `Sensor`."""
+        field, robots = model.fields[self.field], RowsOfSensor.of(model, rows, column, first, int(self.width))
+        block = Block(FieldReading(robots, self.mount, field.stored_values, field.sides, field.frame))
+        return Kernel(read_fields, block.numbers, block)
 
 
 # What the engines read themselves, into columns of their own.

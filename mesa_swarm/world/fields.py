@@ -208,6 +208,11 @@ class ScalarField:
         self._note_change(float(self._values.max()))
 
     @property
+    def stored_values(self) -> np.ndarray:
+        """The array of the values, for compiled functions that read it."""
+        return self._values
+
+    @property
     def sides(self) -> np.ndarray:
         """Which sides of cells are open, and which cells are blocked, see `geometry.diffusion`."""
         return self._current_walls().sides

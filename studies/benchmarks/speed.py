@@ -2,15 +2,12 @@
 
 import math
 import os
-import subprocess
-import sys
 import tracemalloc
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter, process_time
-from typing import Any
+from time import process_time
+from typing import Any, NamedTuple
 
 import joblib
 import numpy as np
@@ -23,6 +20,22 @@ from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
 from mesa_swarm.experiments import csv_text, fitting
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import LIGHT, literal, plain_figure, png
+from mesa_swarm_studies.benchmarks.bare_c import BareProgram
+from mesa_swarm_studies.benchmarks.goals import (
+    FULL,
+    QUICK,
+    Effort,
+    Goal,
+    Measurement,
+    NotMeasuredError,
+    goals_csv,
+    mean_seconds,
+    measured,
+    printed_numbers,
+    repeated,
+    rounded_text,
+    step_seconds,
+)
 
 AREA_PER_ROBOT = 40  # in robot bodies
 ROBOTS_PER_OBSTACLE = 10
@@ -89,29 +102,12 @@ def gathering(n: int, rng: int = 1) -> SwarmModel:
     return model
 
 
-def step_seconds(step: Callable[[], None], repetitions: int, budget: float) -> float:
-    """Return the seconds of one step: the median over repetitions, each of as many steps as its budget allows.
-
-    `budget` is in seconds, about, for all of them together.
-    """
-    for _ in range(5):
-        step()
-    started = perf_counter()
-    step()
-    count = max(int(budget / repetitions / max(perf_counter() - started, 1e-7)), 1)
-    return float(np.median([mean_seconds(step, count) for _ in range(repetitions)]))
-
-
-def mean_seconds(step: Callable[[], object], count: int, clock: Callable[[], float] = perf_counter) -> float:
-    """Return the mean seconds of a step over this number of steps."""
-    started = clock()
-    for _ in range(count):
-        step()
-    return (clock() - started) / count
-
-
 # ms a step: required, and measured of other simulators on a machine of the same kind.
 TARGETS = {50: 0.03, 200: 0.07, 1000: 0.32, 5000: 1.4, 10_000: 2.8}
+# Robot-steps of the bare C program that are timed at least.
+FEWEST_ROBOT_STEPS = 200_000
+# How many times as long as the bare C program a collected step of this number of robots may take.
+BESIDE_C = {10: 8.0, 50: 4.0, 1000: 2.0, 10_000: 2.5, 100_000: 1.5}
 PEERS = {
     "Enki (C++)": {50: 0.061, 200: 0.53},
     "ARGoS (C++)": {1000: 5.5, 5000: 47.0, 10_000: 121.0},
@@ -124,6 +120,8 @@ CROWDED = 300
 FEW, MANY, MOST = 1000, 10_000, 1_000_000
 # Of memory that is free before the largest world is made, for each of its robots.
 BYTES_NEEDED = 3000
+# Of a comparison of the two strategies of fire-fighting: 60 runs.
+SEEDS_COMPARED = 30
 # Seconds to place its robots, ms a step of `FEW` robots, and of all with one thread and two; GB of memory at most.
 LARGEST = """
 import sys
@@ -147,6 +145,7 @@ peak = next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")
 print(placed, 1000 * few, 1000 * one, 1000 * two, peak / 1e6)
 """
 FIRST_STEP = """
+from os import times
 from time import perf_counter
 start = perf_counter()
 import mesa_swarm
@@ -157,7 +156,7 @@ model = SwarmModel(rng=1)
 model.add_robots(AGENT9, 10)
 model.control = Subsumption(Avoid(), Explore())
 model.step()
-print(bare - start, perf_counter() - start)
+print(bare - start, perf_counter() - start, sum(times()[:4]))
 """
 CUSTOM_RULE = """
 from time import perf_counter
@@ -188,83 +187,48 @@ subprocess.run([sys.executable, "-m", "mesa_swarm", "list"], check=True, capture
 print(perf_counter() - start)
 """
 LEARNERS = """
-import joblib
+import sys
 import numpy as np
-from time import perf_counter
+from time import process_time
 from mesa_swarm.environments import CollisionAvoidance, VectorSwarmEnv
-env = VectorSwarmEnv(CollisionAvoidance(n_robots=15), n_worlds=16)
-env.reset(seed=1)
-commands = np.random.default_rng(0).uniform(-0.2, 1, (100, 16, 15, 2)).astype(np.float32)
-times = []
-for _ in range(6):
-    start = perf_counter()
-    for row in commands:
+robots, worlds = map(int, sys.argv[1:])
+task, steps = CollisionAvoidance(n_robots=robots), max(24_000 // (robots * worlds), 5)
+rng = np.random.default_rng(0)
+
+def commands(worlds):
+    return rng.uniform(-0.2, 1, (steps, worlds, robots, 2)).astype(np.float32)
+
+def seconds(env, rows):
+    start = process_time()
+    for row in rows:
         env.step(row)
-    times.append(perf_counter() - start)
-print(100 * 16 * 15 / np.median(times[1:]))
+    return process_time() - start
+
+few = VectorSwarmEnv(task, n_worlds=2)  # compiles
+few.reset(seed=1)
+seconds(few, commands(2))
+env = VectorSwarmEnv(task, n_worlds=worlds)
+start = process_time()
+env.reset(seed=1)
+reset = process_time() - start
+rows = commands(worlds)
+median = np.median([seconds(env, rows) for _ in range(6)][1:])
+print(steps * worlds * robots / median, 1000 * reset / worlds)
+"""
+TRAINING = """
+from time import process_time
+from mesa_swarm_studies.benchmarks.contestants import contestants
+train = contestants()["shared Q (b), cooled"]
+train(1, 10)
+start = process_time()
+train(1, 33_000)
+print(process_time() - start)
 """
 OVERHEAD = """
 from mesa_swarm_studies.benchmarks.overhead import print_overheads
 if __name__ == "__main__":
     print_overheads()
 """
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Goal:
-    """A number that is measured, and its limit: the most, or the least that passes.
-
-    Examples
-    --------
-    >>> print(Goal(what="two threads", unit="times as fast as one", limit=1.75, least=True).verdict(1.8))
-    two threads, times as fast as one: 1.8 (required: at least 1.75, passed)
-    """
-
-    what: str
-    unit: str
-    limit: float
-    least: bool = False
-
-    def passed(self, value: float) -> bool:
-        """Return whether a value passes."""
-        return value >= self.limit if self.least else value <= self.limit
-
-    def verdict(self, value: float) -> str:
-        """Return one line: what was measured, what is required, and whether it is passed."""
-        shown = f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
-        bound = "at least" if self.least else "at most"
-        outcome = "passed" if self.passed(value) else "MISSED"
-        limit = f"{self.limit:,}"
-        return f"{self.what}, {self.unit}: {shown} (required: {bound} {limit}, {outcome})"
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Measurement:
-    """Numbers that are measured together: `measure` is given `Effort` and returns one for each goal, NaN for unknown.
-
-    A quick report leaves out those that are not `quick`.
-    """
-
-    goals: tuple[Goal, ...]
-    measure: Callable[["Effort"], Sequence[float]]
-    quick: bool = False
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Effort:
-    """How often a measurement is repeated, and the seconds that all repetitions take together, about."""
-
-    repetitions: int
-    budget: float
-    seeds: int
-
-
-QUICK = Effort(repetitions=3, budget=0.1, seeds=1)
-FULL = Effort(repetitions=9, budget=3.0, seeds=5)
-
-
-class NotMeasuredError(Exception):
-    """Why something cannot be measured on this machine, in one line."""
 
 
 def paired_seconds(model: SwarmModel, repetitions: int, budget: float) -> tuple[float, float, float]:
@@ -308,46 +272,39 @@ def free_bytes() -> float:
     return next((1024 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")), math.inf)
 
 
-def printed_numbers(program: str, *words: str, environment: dict[str, str] | None = None) -> list[float]:
-    """Return the numbers that a program prints in a process of its own, with one thread unless it sets more."""
-    inherited = {name: value for name, value in os.environ.items() if name != "MESA_SWARM_THREADS"}
-    with TemporaryDirectory() as folder:
-        file = Path(folder, "measured.py")  # rules are compiled from their source
-        file.write_text(program, encoding="utf-8")
-        command = [sys.executable, str(file), *words]
-        done = subprocess.run(
-            command, env={**inherited, **(environment or {})}, capture_output=True, text=True, check=False
-        )
-    if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise NotMeasuredError(f"the process ended with status {done.returncode}: {last}")
-    return [float(word) for word in done.stdout.split()]
-
-
-def repeated(program: str, times: int) -> Sequence[float]:
-    """Return medians of the numbers that a program prints, after a first time that fills the caches."""
-    printed_numbers(program)
-    return list(np.median([printed_numbers(program) for _ in range(times)], axis=0))
-
-
 def uncompiled_start() -> Sequence[float]:
-    """Return the seconds from import to first step where nothing is compiled."""
+    """Return the seconds from import to first step where nothing is compiled, and those of processor time."""
     with TemporaryDirectory() as folder:
         return printed_numbers(FIRST_STEP, environment={"NUMBA_CACHE_DIR": folder})[1:]
 
 
 def fire_fighting_step(effort: Effort) -> float:
-    """Return the µs of a step of ten robots that fight fires, one of which they never put out."""
+    """Return the µs of processor time of a step of ten robots that fight fires, one of which they never put out."""
     model = find_model("fire_fighting")(n_robots=10, strategy="A", rng=1).run(WARM_UP)
-    return 1e4 * step_seconds(lambda: model.run(100), effort.repetitions, effort.budget)
+    return 1e4 * step_seconds(lambda: model.run(100), effort.repetitions, effort.budget, process_time)
 
 
-def comparison_step(effort: Effort) -> float:
-    """Return the µs of processor time of a step in `compare fire_fighting`, in one process."""
+def comparison_seconds(seeds: int) -> Sequence[float]:
+    """Return the seconds of processor time of `compare fire_fighting` in one process, and the µs of each step."""
     compare("fire_fighting", seeds=1, steps=WARM_UP, jobs=1)
     start = process_time()
-    done = compare("fire_fighting", seeds=effort.seeds, jobs=1)
-    return 1e6 * (process_time() - start) / sum(run.steps for run in done.runs)
+    runs = compare("fire_fighting", seeds=seeds, jobs=1).runs
+    seconds = process_time() - start
+    return seconds, 1e6 * seconds / sum(run.steps for run in runs)
+
+
+def recorded_step(n: int, effort: Effort) -> float:
+    """Return how many times as long as a plain step one of n robots takes that is recorded: the median over rounds."""
+    plain, recorded = (peer_workload(n).run(WARM_UP) for _ in range(2))
+    steps = max(int(effort.budget / effort.repetitions / 2 / max(run_seconds(plain, 5), 1e-7)), 3)
+    with TemporaryDirectory() as folder, recorded.record(Path(folder, "run.arrow")):
+        pairs = [(run_seconds(recorded, steps), run_seconds(plain, steps)) for _ in range(effort.repetitions)]
+    return float(np.median([longer / shorter for longer, shorter in pairs]))
+
+
+def run_seconds(model: SwarmModel, steps: int) -> float:
+    """Return the seconds of processor time of a step in a run."""
+    return mean_seconds(lambda: model.run(steps), 1, process_time) / steps
 
 
 def gathering_step(effort: Effort) -> float:
@@ -356,6 +313,7 @@ def gathering_step(effort: Effort) -> float:
 
 
 MS, S, MICROSECONDS = "ms a step", "s", "µs a step"
+CPU, ROBOT_STEPS = "s of processor time", "robot-steps a second of processor time"
 
 
 def _faster(n: int) -> Goal:
@@ -392,7 +350,10 @@ MEASUREMENTS = (
         quick=True,
     ),
     Measurement(
-        goals=(Goal(what="from import to first step, nothing compiled", unit=S, limit=6.0),),
+        goals=(
+            Goal(what="from import to first step, nothing compiled", unit=S, limit=6.0),
+            Goal(what="a process that takes its first step, nothing compiled", unit=CPU),
+        ),
         measure=lambda effort: uncompiled_start(),
     ),
     Measurement(
@@ -400,7 +361,7 @@ MEASUREMENTS = (
             Goal(what="import mesa_swarm", unit=S, limit=0.1),
             Goal(what="from import to first step, compiled before", unit=S, limit=0.7),
         ),
-        measure=lambda effort: repeated(FIRST_STEP, effort.repetitions // 2),
+        measure=lambda effort: repeated(FIRST_STEP, effort.repetitions // 2)[:2],
         quick=True,
     ),
     Measurement(
@@ -412,18 +373,40 @@ MEASUREMENTS = (
         measure=lambda effort: repeated(LISTING, effort.repetitions // 2),
     ),
     Measurement(
-        goals=(Goal(what="fire fighting, 10 robots, collected", unit=MICROSECONDS, limit=12.0),),
+        goals=(Goal(what="fire fighting, 10 robots, collected, processor time", unit=MICROSECONDS, limit=12.0),),
         measure=lambda effort: [fire_fighting_step(effort)],
         quick=True,
     ),
     Measurement(
-        # 8 s for 60 runs of 528,000 steps.
-        goals=(Goal(what="compare fire_fighting, one process, processor time", unit=MICROSECONDS, limit=15.0),),
-        measure=lambda effort: [comparison_step(effort)],
+        goals=(
+            Goal(what="compare fire_fighting, 60 runs, one process", unit=CPU, limit=8.0),
+            Goal(what="compare fire_fighting, one process, processor time", unit=MICROSECONDS, limit=15.0),
+        ),
+        measure=lambda effort: comparison_seconds(SEEDS_COMPARED),
     ),
     Measurement(
-        goals=(Goal(what="16 learning worlds of 15 robots", unit="robot-steps/s", limit=1_000_000, least=True),),
-        measure=lambda effort: printed_numbers(LEARNERS),
+        goals=(
+            Goal(what="16 learning worlds of 15 robots", unit=ROBOT_STEPS, limit=1_000_000, least=True),
+            Goal(what="a new episode of 15 robots", unit="ms of processor time"),
+        ),
+        measure=lambda effort: printed_numbers(LEARNERS, "15", "16"),
+        quick=True,
+    ),
+    Measurement(
+        goals=(
+            Goal(what="4,096 learning worlds of one robot", unit=ROBOT_STEPS),
+            Goal(what="a new episode of one robot", unit="ms of processor time"),
+        ),
+        measure=lambda effort: printed_numbers(LEARNERS, "1", "4096"),
+    ),
+    Measurement(
+        goals=(Goal(what="training of shared Q-networks, 990,000 robot-steps", unit=CPU),),
+        measure=lambda effort: printed_numbers(TRAINING),
+    ),
+    Measurement(
+        goals=(Goal(what="50 robots, a recorded step beside a plain one", unit="times as long"),),
+        measure=lambda effort: [recorded_step(50, effort)],
+        quick=True,
     ),
     Measurement(
         goals=(
@@ -438,10 +421,10 @@ MAPS = ("original", "sparse", "openspace")
 
 
 def report(folder: Path, quick: bool = False, width: int | None = None) -> Iterator[str]:
-    """Yield the report line by line as it is measured, and write `step.csv`, `goals.csv` and `complexity.png`.
+    """Yield the report line by line as it is measured, and write its tables and its picture.
 
-    A quick report takes a few seconds, is rougher, and leaves out what takes longer. The table is at most
-    `width` columns wide.
+    They are `step.csv`, `bare_c.csv`, `goals.csv` and `complexity.png`. A quick report takes a few seconds, is rougher,
+    and leaves out what takes longer. Printed tables are at most `width` columns wide.
     """
     effort = QUICK if quick else FULL
     yield from _surroundings()
@@ -450,6 +433,8 @@ def report(folder: Path, quick: bool = False, width: int | None = None) -> Itera
     growth = Goal(what=f"growth exponent from {FEW:,} to {MANY:,} robots", unit="one thread", limit=1.05)
     rows: list[tuple[Goal, float]] = [(growth, exponent({n: seconds[n] for n in (FEW, MANY)}))]
     yield growth.verdict(rows[0][1])
+    beside = yield from _beside_c([n for n in BESIDE_C if n <= FEW or not quick], effort, width)
+    rows += [(_beside_c_goal(n), steps.collected_ratio) for n, steps in beside.items()]
     for measurement in MEASUREMENTS:
         if measurement.quick or not quick:
             values = yield from measured(measurement, effort)
@@ -457,28 +442,95 @@ def report(folder: Path, quick: bool = False, width: int | None = None) -> Itera
     curves = complexity(3 if quick else 7, 0.01 if quick else 0.15)
     files: dict[str, str | bytes] = {
         "step.csv": step_csv(seconds),
+        "bare_c.csv": bare_c_csv(beside),
         "goals.csv": goals_csv(rows),
         "complexity.png": png(complexity_figure(curves)),
     }
     yield from ("", *map(str, write_all(folder, files)))
 
 
-def measured(measurement: Measurement, effort: Effort) -> Generator[str, None, Sequence[float]]:
-    """Yield a line for each goal, or why it is not measured, and return the numbers, NaN where there are none."""
-    goals = measurement.goals
-    try:
-        values, reason = measurement.measure(effort), "this system does not show it"
-    except NotMeasuredError as error:
-        values, reason = [math.nan] * len(goals), str(error)
-    for goal, value in zip(goals, values, strict=True):
-        yield f"{goal.what}, {goal.unit}: not measured, {reason}" if math.isnan(value) else goal.verdict(value)
-    return values
-
-
 def _one_thread(n: int, effort: Effort) -> float:
     model = peer_workload(n)
     model.threads = 1
     return step_seconds(model.run(WARM_UP).step, effort.repetitions, effort.budget)
+
+
+class StepBesideC(NamedTuple):
+    """Seconds of processor time of a step: of a bare C program, and of `SwarmModel.run`, collected in each step or not.
+
+    Each is a median. The ratios are medians of how many times as long as that of the program a step took.
+    """
+
+    bare: float
+    plain: float
+    collected: float
+    plain_ratio: float
+    collected_ratio: float
+
+
+NO_STEP = StepBesideC(*[math.nan] * 5)
+
+
+def step_beside_c(program: BareProgram, n: int, effort: Effort) -> StepBesideC:
+    """Return what a step of the peers' workload with n robots takes beside the program.
+
+    All three are measured in turn, from the state that the model is in then: what disturbs one disturbs the others.
+    """
+    model = peer_workload(n)
+    model.threads = 1
+    seconds = max(run_seconds(model.run(WARM_UP), 5), 1e-7)
+    steps = max(int(effort.budget / effort.repetitions / 3 / seconds), 3)
+    rounds = np.array([_seconds_in_turn(program, model, steps) for _ in range(effort.repetitions)])
+    return StepBesideC(*np.median(rounds, axis=0), *np.median(rounds[:, 1:] / rounds[:, :1], axis=0))
+
+
+def _seconds_in_turn(program: BareProgram, model: SwarmModel, steps: int) -> list[float]:
+    """Return the seconds of a step of the program, and of runs that collect nothing and that collect in each step."""
+    # The program is fast: in the same few steps, its start would count.
+    longer = max(steps, FEWEST_ROBOT_STEPS // len(model.swarm))
+    seconds = [program.time_steps(model, longer, untimed=longer)]
+    for collect_every in (0, 1):
+        model.collect_every = collect_every
+        seconds.append(run_seconds(model, steps))
+    return seconds
+
+
+def _beside_c(counts: Sequence[int], effort: Effort, width: int | None) -> Generator[str, None, dict[int, StepBesideC]]:
+    """Yield the table of steps beside a bare C program, or why there is none, and return them by number of robots."""
+    what = "a step beside a bare C program of the same work"
+    try:
+        with TemporaryDirectory() as folder:
+            program = BareProgram.compile_into(Path(folder))
+            steps = {n: step_beside_c(program, n, effort) for n in counts}
+    except NotMeasuredError as error:
+        yield f"{what}: not measured, {error}"
+        return dict.fromkeys(counts, NO_STEP)
+    yield from ("", f"A{what[1:]}: µs of processor time, medians.", *bare_c_table(steps, width), "")
+    return steps
+
+
+def _beside_c_goal(n: int) -> Goal:
+    what = f"{n:,} robots, a collected step beside a bare C program"
+    return Goal(what=what, unit="times as long", limit=BESIDE_C[n])
+
+
+def bare_c_table(steps: dict[int, StepBesideC], width: int | None = None) -> list[str]:
+    """Return the table of steps beside a bare C program, by number of robots, of at most this width."""
+    header = ["robots", "C", "not collected", "times C", "collected", "times C", "required", "passed"]
+    return fitting([header, *(_beside_c_cells(n, step) for n, step in steps.items())], width)
+
+
+def _beside_c_cells(n: int, step: StepBesideC) -> list[str]:
+    numbers = step.bare * 1e6, step.plain * 1e6, step.plain_ratio, step.collected * 1e6, step.collected_ratio
+    passed = "yes" if _beside_c_goal(n).passed(step.collected_ratio) else "no"
+    return [f"{n:,}", *map(rounded_text, numbers), rounded_text(BESIDE_C[n]), passed]
+
+
+def bare_c_csv(steps: dict[int, StepBesideC]) -> str:
+    """Return the same table for other programs, without numbers where nothing was measured."""
+    header = ["robots", "bare_us", "plain_us", "collected_us", "plain_ratio", "collected_ratio", "required"]
+    rows = [[n, *(1e6 * t for t in step[:3]), *step[3:], BESIDE_C[n]] for n, step in steps.items()]
+    return csv_text([header, *([None if math.isnan(cell) else cell for cell in row] for row in rows)])
 
 
 def _surroundings() -> Iterator[str]:
@@ -493,7 +545,7 @@ def step_table(seconds: dict[int, float], width: int | None = None) -> list[str]
     """Return the table of milliseconds a step, of at most this width."""
     header = ["robots", "ms a step", "required", "passed", "steps/s", *PEERS]
     rows = [
-        [f"{n:,}", *_beside_target(n, t), *(_number(peer.get(n)) for peer in PEERS.values())]
+        [f"{n:,}", *_beside_target(n, t), *(rounded_text(peer.get(n)) for peer in PEERS.values())]
         for n, t in seconds.items()
     ]
     return fitting([header, *rows], width)
@@ -501,11 +553,7 @@ def step_table(seconds: dict[int, float], width: int | None = None) -> list[str]
 
 def _beside_target(n: int, t: float) -> list[str]:
     passed = "yes" if 1000 * t <= TARGETS[n] else "no"
-    return [_number(1000 * t), _number(TARGETS[n]), passed, f"{1 / t:,.0f}"]
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}"
+    return [rounded_text(1000 * t), rounded_text(TARGETS[n]), passed, f"{1 / t:,.0f}"]
 
 
 def step_csv(seconds: dict[int, float]) -> str:
@@ -513,17 +561,6 @@ def step_csv(seconds: dict[int, float]) -> str:
     header = ["robots", "ms_per_step", "target_ms", *PEERS]
     rows = [[n, 1000 * t, TARGETS[n], *(peer.get(n) for peer in PEERS.values())] for n, t in seconds.items()]
     return csv_text([header, *rows])
-
-
-def goals_csv(rows: Sequence[tuple[Goal, float]]) -> str:
-    """Return one line per goal: measured, limit and whether it is passed, empty where it was not measured."""
-    header = ["what", "unit", "measured", "required", "bound", "passed"]
-    return csv_text([header, *(_goal_cells(goal, value) for goal, value in rows)])
-
-
-def _goal_cells(goal: Goal, value: float) -> list[Any]:
-    shown, passed = (None, None) if math.isnan(value) else (value, "yes" if goal.passed(value) else "no")
-    return [goal.what, goal.unit, shown, goal.limit, "least" if goal.least else "most", passed]
 
 
 def exponent(seconds: dict[int, float]) -> float:

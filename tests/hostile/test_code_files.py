@@ -140,7 +140,7 @@ STATES = [
 
 def test_a_read_only_installation_is_used_whatever_is_left_of_it_and_of_the_users_cache(tmp_path, first, tally, amount):
     output, files = first
-    (home,) = (path for path in (tmp_path / "cache").iterdir())
+    (home,) = (tmp_path / "cache").glob("*/*")
     rng, area = np.random.default_rng(1), tally("machine code: read-only installation")
     for number, (installed, own, reported) in enumerate(STATES[:: amount(3, 1)]):
         shutil.rmtree(home)
@@ -157,7 +157,12 @@ def test_a_read_only_installation_is_used_whatever_is_left_of_it_and_of_the_user
             elif own == "not defined":
                 settings = {"XDG_CACHE_HOME": "relative", "HOME": ""}
             else:
-                left_in(user / "mesa_swarm" / home.name, files, rng, "empty" if own == "read-only" else own)
+                left_in(
+                    user / "mesa_swarm" / home.parent.name / home.name,
+                    files,
+                    rng,
+                    "empty" if own == "read-only" else own,
+                )
             if own == "read-only":
                 stack.enter_context(read_only(user))
             stack.enter_context(read_only(tmp_path / "cache"))

@@ -24,6 +24,7 @@ from mesa_swarm.kernels.code_files import (
     write_code,
 )
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.machines import name_machine
 from support.disks import read_only
 
 
@@ -37,18 +38,19 @@ def folders(monkeypatch, tmp_path):
     """Empty folders of an installation and of a user; a function that forbids writing to one of them."""
     monkeypatch.setattr(code_files, "HOME", tmp_path / "home")
     monkeypatch.setattr(code_files, "_folder_of_user", lambda: tmp_path / "user")
+    monkeypatch.setattr(code_files, "SHIPPED", tmp_path / "shipped")
     monkeypatch.setattr(code_files, "problems", [])
     monkeypatch.setenv(REPORTED, "")  # is unset again after the test
     monkeypatch.delenv(REPORTED)
     for cached in (code_files.list_folders, why_unwritable):
         cached.cache_clear()
-    yield Folders(tmp_path / "home", tmp_path / "user")
+    yield Folders(tmp_path / "home" / name_machine(), tmp_path / "user" / name_machine())
     for cached in (code_files.list_folders, why_unwritable):
         cached.cache_clear()
 
 
 class Folders:
-    """Those of an installation and of a user."""
+    """Those of an installation and of a user, for this machine."""
 
     def __init__(self, home, user):
         self.home, self.user = home, user
@@ -56,7 +58,8 @@ class Folders:
     def forbid(self, folder):
         """Put a file where the folder would be: not even the system's administrator can write there."""
         if folder.exists():
-            folder.rename(folder.with_suffix(".kept"))
+            folder.rename(folder.with_name("kept"))
+        folder.parent.mkdir(exist_ok=True)
         folder.write_text("")
         code_files.list_folders.cache_clear()
         why_unwritable.cache_clear()
@@ -186,11 +189,12 @@ def test_damaged_files_of_rules_are_removed_and_named_unless_a_whole_one_replace
     assert drop_damaged("custom") == []
 
 
-def test_a_new_folder_replaces_those_of_former_versions_which_had_one_for_each_state_of_the_sources(tmp_path):
-    for name in ("kernels-0", "kernels-1", "other"):
-        (tmp_path / name).mkdir()
-    assert why_unwritable.__wrapped__(tmp_path / "kernels-new") == ""
+def test_a_new_folder_replaces_those_of_former_versions_and_leaves_those_of_other_machines(tmp_path):
+    for name in ("kernels-0", "kernels-1", "other", "kernels-new/machine"):
+        (tmp_path / name).mkdir(parents=True)
+    assert why_unwritable.__wrapped__(tmp_path / "kernels-new" / "another machine") == ""
     assert {folder.name for folder in tmp_path.iterdir()} == {"kernels-new", "other"}
+    assert {folder.name for folder in (tmp_path / "kernels-new").iterdir()} == {"machine", "another machine"}
 
 
 def test_of_the_versions_of_a_function_for_the_same_types_the_last_few_stay(folders):

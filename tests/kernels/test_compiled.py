@@ -11,6 +11,7 @@ import pytest
 from mesa_swarm.kernels import code_files
 from mesa_swarm.kernels.code_files import FOLDER, list_folders
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.machines import name_machine
 
 
 @compiled
@@ -26,7 +27,7 @@ def test_a_division_by_zero_is_infinite_as_numpys_is_and_raises_nothing():
 def test_machine_code_is_stored_in_the_cache_of_these_sources_and_numbas_own_setting_stays():
     before = numba.config.CACHE_DIR
     assert compiled(quotient.py_func).stats.cache_path == str(list_folders()[-1])
-    assert list_folders()[0].name == FOLDER
+    assert (list_folders()[0].parent.name, list_folders()[0].name) == (FOLDER, name_machine())
     assert before == numba.config.CACHE_DIR
 
 

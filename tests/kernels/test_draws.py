@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import Stream, draw_between, draw_number, stream_of
+from mesa_swarm.kernels.draws import Stream, draw_between, draw_number, draw_word, stream_of, words_of
 from mesa_swarm.kernels.type_names import Reals
 
 
@@ -38,4 +38,13 @@ def test_compiled_draws_are_those_of_the_generator_and_leave_it_in_the_same_stat
         fill_between(Block(Drawing(out, low, high, stream_of(generator))).numbers)
         np.testing.assert_array_equal(out, twin.uniform(low, high, count))
     assert draw_number(stream_of(generator)) == twin.random()
+    assert generator.bit_generator.state == twin.bit_generator.state
+
+
+@given(st.integers(0, 2**32))
+def test_compiled_words_are_those_of_the_generator_also_between_real_numbers(seed):
+    generator, twin = np.random.default_rng(seed), np.random.default_rng(seed)
+    for _ in range(3):
+        assert int(draw_word(words_of(generator))) == int(twin.integers(2**64, dtype=np.uint64))
+        assert draw_number(stream_of(generator)) == twin.random()
     assert generator.bit_generator.state == twin.bit_generator.state

@@ -94,7 +94,8 @@ def test_the_code_is_that_of_the_layers_and_then_of_the_model(name):
         source = Path(module.__file__).read_text(encoding="utf-8")
         lines = {line.removesuffix("  # fmt: skip").strip() for line in source.splitlines()}
         assert {line.strip() for line in one.code.splitlines()} <= lines
-    assert all("def decide(" in one.code or "@behaviour" in one.code for one in info.code[:-1])
+    ways = "def arguments(", "def decide(", "@behaviour"
+    assert all(any(way in listing.code for way in ways) for listing in info.code[:-1])
     assert f"class {info.model_class.__name__}(" in info.code[-1].code
     assert '"""' not in info.code[-1].code.splitlines()[0], "the docstring is shown as text"
 
@@ -106,7 +107,7 @@ def test_of_a_model_the_code_is_that_of_its_own_layers():
 
 def test_a_rule_is_shown_with_the_functions_that_it_uses():
     code = model_info("agglomeration").code[0].code
-    assert next(line for line in code.splitlines() if line.startswith("def ")).startswith("def decide(")
+    assert next(line for line in code.splitlines() if line.startswith("def ")).startswith("def arguments(")
     assert "def is_activated(" in code
     assert "def reason(" not in code
 
@@ -183,7 +184,7 @@ def test_notebooks_get_texts_calls_equations_and_code_as_markdown():
     assert text.startswith("### Boids\n\nThe best known model of a flock")
     assert "`mesa_swarm.show('boids', rng=1, separation_weight=0.0)`" in text
     assert f"$${info.equations[0].latex}$$" in text
-    assert "```python\ndef decide(" in text
+    assert "```python\ndef arguments(" in text
     assert "| `n_robots` | 50 | robots |" in text
     assert text.count("<details") == text.count("</details>") == 2 + 4
 

@@ -10,9 +10,22 @@ import numpy as np
 import pytest
 from numba import types
 
-from mesa_swarm import AGENT9, AGENT_FIRE, Field, Lamp, Map, Radio, SwarmModel, disc, rectangle
+from mesa_swarm import (
+    AGENT9,
+    AGENT_FIRE,
+    Field,
+    Lamp,
+    LineSensor,
+    Map,
+    ProximitySensor,
+    RadiationSensor,
+    Radio,
+    SwarmModel,
+    disc,
+    rectangle,
+)
 from mesa_swarm.base.errors import BehaviourError
-from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum
+from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.arbiter import decide_layers
 from mesa_swarm.fire import FightFire
 from mesa_swarm.fire.burning import Burning
@@ -21,14 +34,17 @@ from mesa_swarm.kernels.plan import call_when_due
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine as engine_module
-from mesa_swarm.physics.stage_kernels import LIST
+from mesa_swarm.physics.driven_bodies import WORN
+from mesa_swarm.physics.stage_kernels import BLOCK, LIST, RETURN
+from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
+from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 
 SENSE, MOVE, COUNT = "robots read their sensors", "robots move, and contacts are resolved", "collisions are counted"
 HEAR, DECIDE, FIELDS, PROCESSES, HISTORY = (
     "robots hear each other",
     "layers decide",
     "fields diffuse and evaporate",
-    "processes take place",
+    "Burning takes place",
     "temperatures of fires are stored",
 )
 SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
@@ -105,11 +121,115 @@ def in_touch():
     return model
 
 
+@behaviour
+def count_voices(me):
+    me.send.count = me.heard.n
+    me.send.vector[1] = me.heard.range[0]
+    return 0.6, 0.9 - 0.1 * me.heard.n
+
+
+def talking():
+    """Return a world in which messages are lost by chance and stopped by a wall, and by a door that moves."""
+    radio = Radio(range=90, occlusion=True, loss_probability=0.3, message={"count": 1, "vector": 2}, most=3)
+    model = SwarmModel(map=Map(bounds=(0, 0, 300, 200)), rng=2, communication=radio)
+    model.add_obstacle(rectangle((100, 60), (110, 120)))
+    model.add_process(DoorKeeper(model.add_body(rectangle((200, 60), (210, 100)), kind="door").unique_id))
+    model.add_robots(AGENT9, 15)
+    model.control = Subsumption(Avoid(), count_voices)
+    return model
+
+
+class DoorKeeper:
+    """A process that moves a door back and forth."""
+
+    def __init__(self, door):
+        self.door = door
+
+    def step(self, model):
+        door = next(body for body in model.bodies if body.unique_id == self.door)
+        door.position = (205.0, 80.0 + 15.0 * math.sin(model.steps / 9))
+
+
+def uncertain(**named):
+    """Return a world with a door, fires and marks, and robots with sensors that err, are slow, or of other kinds."""
+    eyes = [
+        replace(sensor, error_probability=0.3, error_magnitude=0.2, hold=1 + k % 3, period=1 + k % 4)
+        for k, sensor in enumerate(AGENT9.sensors)
+    ]
+    others = LineSensor(mount=(3, 0)), RadiationSensor(range=60), ProximitySensor(mount=(9, 0), range=20)
+    model = SwarmModel(map=Map(bounds=(0, 0, 300, 200)), rng=2, **named)
+    model.add_obstacle(rectangle((10, 10), (80, 90), contact=False))
+    model.add_obstacle(rectangle((100, 60), (110, 120)))
+    model.add_fire((150, 150), radius=10)
+    model.add_process(DoorKeeper(model.add_body(rectangle((200, 60), (210, 100)), kind="door").unique_id))
+    model.add_robots(replace(AGENT9, sensors=(*eyes, *others)), 15)
+    model.control = Subsumption(Avoid(), Explore())
+    return model
+
+
+def pushing():
+    """Return a narrow world in which robots push loads about a door that moves, and cannot give way to some."""
+    model = SwarmModel(map=Map(bounds=(0, 0, 220, 180)), rng=3)
+    model.add_obstacle(rectangle((100, 60), (110, 120)))
+    for place in ((150, 40), (160, 120), (70, 70)):
+        model.add_load(disc(place, 7), resistance=0.4)
+    model.add_load(rectangle((180, 80), (195, 90)), resistance=0.7)
+    model.add_process(DoorKeeper(model.add_body(rectangle((200, 60), (210, 100)), kind="door").unique_id))
+    model.add_robots(AGENT9.with_slip(probability=0.2, magnitude=0.5), 70)
+    model.control = Subsumption(Explore())
+    return model
+
+
+@behaviour
+def go_aside(me):
+    return 0.5, 0.3
+
+
+@behaviour
+def turn_on_three(me):
+    return 0.5, 0.4, -0.3
+
+
+def driving(**named):
+    """Return a world of robots on wheels, rollers and omni-wheels, of limited acceleration, which slip."""
+    slippery = replace(AGENT9, directed_slip=DirectedSlip(forward=0.1, turn=0.3)).with_slip(
+        probability=0.2, magnitude=0.5
+    )
+    drives = DifferentialDrive(acceleration=0.05), HolonomicDrive(), OmniDrive(acceleration=0.1)
+    rules = Explore(), go_aside, turn_on_three
+    model = SwarmModel(map=Map(bounds=(0, 0, 220, 180)), rng=3, **named)
+    designs = [replace(slippery, name=f"robot {k}", drive=drive) for k, drive in enumerate(drives)]
+    for design in designs:
+        model.add_robots(design, 9)
+    model.control = {design: Subsumption(rule) for design, rule in zip(designs, rules, strict=True)}
+    return model
+
+
+def failing():
+    """Return a world of robots of which sensors and wheels fail, and which break down."""
+    model = uncertain()
+    model.imperfections = Imperfections(
+        sensing=Imperfection(error=0.1, dropout=0.05, outliers=0.05, hold=2, period=2),
+        sensor_failure=0.01,
+        wheel_failure=0.01,
+        failure=0.002,
+        battery=50,
+    )
+    return model
+
+
 # Of each world its model, and the stages that have kernels.
 WORLDS = {
     "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT}),
     "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, PROCESSES, HISTORY}),
     "radio": (in_touch, {SENSE, HEAR, DECIDE, MOVE, COUNT, PROCESSES, HISTORY}),
+    "errors of sensors": (uncertain, {SENSE, DECIDE, COUNT}),
+    "imperfections": (lambda: uncertain(imperfections=0.8, noise=0.1, slip=0.2), {SENSE, MOVE, COUNT}),
+    "failures": (failing, {SENSE, MOVE, COUNT}),
+    "drives": (driving, {SENSE, MOVE, COUNT}),
+    "imperfect drives": (lambda: driving(imperfections=0.6), {SENSE, MOVE, COUNT}),
+    "loads": (pushing, {SENSE, DECIDE, MOVE, COUNT}),
+    "messages": (talking, {HEAR, COUNT}),
     "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
     "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
     "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT}),
@@ -198,14 +318,36 @@ def test_a_step_that_lacks_room_for_pairs_after_a_piece_goes_on_with_the_next(ru
     assert CODES["move_robots", LIST] > 0
 
 
+@pytest.mark.slow
+def test_python_finds_which_bodies_loads_stop_and_makes_tables_anew_when_loads_have_gone_far(run):
+    CODES.clear()
+    run((pushing(), pushing()), 120)
+    assert CODES["move_robots_and_movers", BLOCK] > 0
+    assert CODES["end_ways", WORN] > 0
+
+
+def test_a_load_that_robots_cannot_yield_to_returns_and_all_travel_again(run):
+    models = [SwarmModel(map=Map(bounds=(0, 0, 400, 300)), rng=1) for _ in range(2)]
+    for model in models:
+        model.add_load(rectangle((340, 100), (380, 200)), resistance=0.5)
+        model.add_robots(replace(AGENT9, sensors=()), poses=[(335, y, 0.0) for y in (130, 150, 170)])
+        model.add_robots(replace(AGENT9, sensors=(), max_speed=0.0), poses=[(391, 150, 0.0)])
+        model.control = Subsumption(Explore())
+    CODES.clear()
+    run(models, 40)
+    assert CODES["move_robots", RETURN] > 0
+    assert models[1].loads[0].position[0] > 360.0
+
+
 def test_each_kernel_is_compiled_for_one_signature(run):
     models = [find_model("fire_fighting")(rng=1) for _ in range(2)]
     KERNELS.clear()
     run(models, 1)
-    decided = [layer.function for kernel in KERNELS if kernel.function is decide_layers for layer in kernel.kept[1]]
+    arbiters = [kernel.kept[0].kernels[0] for kernel in KERNELS if kernel.function is decide_layers]
+    decided = [kernel.function for arbiter in arbiters for kernel in (arbiter, *arbiter.kept[0].kernels)]
     functions = {*decided, *(kernel.function for kernel in KERNELS)}
     names = {function.__name__ for function in functions}
-    assert {"avoid_all", "fight_all", "go_straight_all", "sense_devices", "move_robots", "burn_all"} <= names
+    assert {"avoid", "fight", "go_straight", "sense_robots", "move_robots", "burn_all"} <= names
     for function in functions:
         assert function.signatures == [SIGNATURE]
         assert types.unliteral(function.overloads[SIGNATURE].signature.return_type) == types.int64
@@ -265,47 +407,30 @@ def test_derived_classes_that_do_otherwise_have_no_kernel(run):
     assert (models[1].swarm.command == 0.25).all()
 
 
-def loaded(model):
-    model.add_load(disc((300, 300), 10), resistance=1.0)
+class Geared(DifferentialDrive):
+    """A drive of a user's, which goes half as far."""
+
+    def motion(self, wheels, radius, motion):
+        super().motion(0.5 * wheels, radius, motion)
 
 
-def driven(model):
-    model.add_body(disc((300, 300), 10))
+def geared(model):
+    model.add_robots(replace(AGENT9, drive=Geared()), 1)
 
 
 def shared(model):
     model.threads = 2
 
 
-def imperfect(model):
-    model.imperfections = model.imperfections or find_model("collision_avoidance")(imperfections=0.5).imperfections
-
-
-def turning(model):
-    model.control = Subsumption(Avoid(), Explore(turn_interval=5))
-
-
 def acting(model):
-    model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 1)
-    model.control = Subsumption(Avoid(front="random"), Explore())
-
-
-def summing(model):
-    model.control = VectorSum(Avoid(), Explore())
+    model.control = VectorSum(OwnAvoid(name="OwnAvoid"), Explore())
 
 
 # What changes a model, and why which stage has no kernel then.
 REASONS = {
-    "loads": ({}, loaded, {SENSE: "loads", MOVE: "loads"}),
-    "driven bodies": ({}, driven, {SENSE: "driven bodies", MOVE: "driven bodies"}),
+    "drives": ({}, geared, {MOVE: "Geared"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
-    "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
-    "losses": ({"communication": Radio(range=9, loss_probability=0.1)}, bool, {HEAR: "broadcasts that are lost"}),
-    "messages": ({"communication": Radio(range=9, message=("x",))}, bool, {HEAR: "messages"}),
-    "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
-    "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
-    "weights": ({}, summing, {DECIDE: "VectorSum"}),
-    "slip": ({"slip": 0.5}, bool, {SENSE: "imperfections", MOVE: "imperfections"}),
+    "layers of a user's": ({}, acting, {DECIDE: "OwnAvoid"}),
     "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
 }
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from editable_links import LINKS, link_folder
+from build_hook import LINKS, link_folder
 from support.installing import ROOT, run
 
 PLACES = """

@@ -1,11 +1,13 @@
 """Driven bodies among robots: nothing ever overlaps, they stop where robots cannot yield, and both engines agree."""
 
+import mesa
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, Map, Radio, SwarmModel, disc, rectangle
+from mesa_swarm.control import Explore, Subsumption
 from support.driven_worlds import check_apart, driven_world, send, with_driven
 from support.random_worlds import Commanded
 
@@ -189,3 +191,33 @@ def test_robots_that_are_placed_on_a_driven_body_move_away_and_free_places_avoid
     assert ((x < 20) | (x > 100) | (y < 10) | (y > 70)).all()
     model.step()
     check_apart(model)
+
+
+def lines_of(model, what):
+    return [line for line in str(model.plan).splitlines() if what in line]
+
+
+def test_stages_of_bodies_are_kernels_and_agents_are_asked_only_where_bodies_follow_some():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, 3)
+    assert not lines_of(model, "bodies follow")
+    door = model.add_body(disc((100, 100), 5), kind="door")
+    model.attach(model.robots[0], door)
+    for what in ("driven bodies begin", "bodies rest"):
+        assert "Python" not in lines_of(model, what)[0]
+    model.add_body(disc((300, 100), 5), agent=mesa.Agent(model))
+    assert "Python: agents" in lines_of(model, "bodies follow")[0]
+
+
+def test_a_carried_body_is_where_its_robot_is_after_each_step_whatever_robots_are_removed():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, 6)
+    model.control = Subsumption(Explore())
+    puck, robot = model.add_body(disc((100, 100), 2), kind="puck"), model.robots[4]
+    model.run(2).attach(robot, puck)
+    for _ in range(4):
+        model.run(3)
+        assert puck.pose == (*robot.position.tolist(), robot.heading)
+        assert puck.table.aim[puck.row].tolist() == robot.position.tolist()
+        model.robots[0].remove()
+    assert robot.row == 0

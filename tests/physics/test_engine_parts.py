@@ -2,7 +2,6 @@
 
 import copy
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,11 +24,11 @@ from mesa_swarm.physics.broadcasts import (
 from mesa_swarm.physics.engine import (
     CompiledEngine,
     drives_by_rows,
-    hold_readings,
     rolling_wheels,
     wheels_of,
     write_motion,
 )
+from mesa_swarm.physics.sensing import hold_readings
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.swarm import Swarm
 from support.solid_worlds import BOUNDS, solid_world
@@ -58,7 +57,8 @@ def test_only_sensors_whose_period_divides_the_step_are_refreshed(step):
     designs = [RobotDesign(sensors=[ProximitySensor(period=p) for p in row]) for row in periods]
     swarm = swarm_of((designs[0], (20, 20)), (designs[1], (60, 20)))
     swarm.columns["distance"][:], swarm.columns["kind"][:] = 7.0, 1
-    hold_readings(swarm, step, np.full((2, 3), 4.0), np.full((2, 3), 2, np.int8))
+    columns, old = swarm.columns, (np.full((2, 3), 4.0), np.full((2, 3), 2, np.int8))
+    hold_readings(step, columns["design"], swarm.table.noise, *old, columns["distance"], columns["kind"])
     fresh = [[step % p == 0 for p in row] for row in periods]
     assert swarm.distance[0].tolist() == [7.0 if due else 4.0 for due in fresh[0]]
     assert swarm.kind[0].tolist() == [1 if due else 2 for due in fresh[0]]
@@ -275,7 +275,7 @@ def test_a_channel_carries_what_its_radio_broadcasts_and_notices_other_robots_an
             swarm.columns[name].fill(-1)
         for name in ("heard_from", "heard_goal"):
             swarm.columns[name].fill(math.nan)
-        channel.exchange(swarm, around.surroundings, np.uint64(5))
+        channel.kernel(swarm, around.surroundings).run(1, len(swarm))
         return swarm.heard_task.tolist(), swarm.heard_goal[1].tolist()
 
     there = [-1, 7] if state else [-1, -1], [-40.0, 0.0] if goal else pytest.approx([math.nan] * 2, nan_ok=True)
@@ -287,10 +287,6 @@ def test_a_channel_carries_what_its_radio_broadcasts_and_notices_other_robots_an
     swarm.agents.append(None)
     swarm.columns["task"][2] = 9
     assert heard(WORLD)[0] == ([9, 9, 7] if state else [-1] * 3)
-
-
-def test_an_exchange_without_robots_needs_no_surroundings():
-    Channel(Radio()).exchange(Swarm(), SimpleNamespace(), np.uint64(5))
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -13,11 +13,17 @@ def refused(effort):
     raise bench.NotMeasuredError("this machine has one processor")
 
 
+def no_compiler(folder):
+    raise bench.NotMeasuredError("there is no C compiler here")
+
+
 GOALS = (Goal(what="ten", unit="ms", limit=12.0), Goal(what="memory", unit="GB", limit=1.5))
+BESIDE_C = bench.StepBesideC(bare=1e-6, plain=5e-6, collected=9e-6, plain_ratio=5.0, collected_ratio=9.0)
 PRETENDED = (
     Measurement(goals=GOALS, measure=lambda effort: [11.0, float("nan")], quick=True),
     Measurement(goals=(Goal(what="two", unit="as fast", limit=1.75, least=True),), measure=refused, quick=True),
     Measurement(goals=(Goal(what="start", unit="s", limit=0.5),), measure=lambda effort: [0.7]),
+    Measurement(goals=(Goal(what="training", unit="s"),), measure=lambda effort: [1234.5]),
 )
 
 
@@ -28,6 +34,9 @@ def pretended(monkeypatch):
     monkeypatch.setattr(bench, "step_seconds", lambda step, repetitions, budget: 1e-4)
     monkeypatch.setattr(bench, "peer_workload", lambda n: find_model("collision_avoidance")(n_robots=3, rng=1))
     monkeypatch.setattr(bench, "MEASUREMENTS", PRETENDED)
+    monkeypatch.setattr(bench, "BESIDE_C", {10: 8.0, 10_000: 2.5})
+    monkeypatch.setattr(bench.BareProgram, "compile_into", bench.BareProgram)
+    monkeypatch.setattr(bench, "step_beside_c", lambda program, n, effort: BESIDE_C)
 
 
 @pytest.mark.slow
@@ -36,7 +45,7 @@ def test_bench_prints_its_report_and_the_paths(typed, tmp_path, pretended):
     assert status == 0
     assert "growth exponent from 1,000 to 10,000 robots, one thread: 0 (required: at most 1.05, passed)" in out
     names = {path.name for path in (tmp_path / "results" / "bench").iterdir()}
-    assert names == {"step.csv", "goals.csv", "complexity.png"}
+    assert names == {"step.csv", "bare_c.csv", "goals.csv", "complexity.png"}
 
 
 @pytest.mark.slow
@@ -46,17 +55,36 @@ def test_bench_prints_value_and_goal_of_each_measurement_or_why_it_has_none(type
     assert "memory, GB: not measured, this system does not show it" in out
     assert "two, as fast: not measured, this machine has one processor" in out
     assert "start, s: 0.7 (required: at most 0.5, MISSED)" in out
+    assert "training, s: 1,234\n" in out
     rows = (tmp_path / "results" / "bench" / "goals.csv").read_text().splitlines()
     assert rows[0] == "what,unit,measured,required,bound,passed"
-    assert rows[2:] == ["ten,ms,11.0,12.0,most,yes", "memory,GB,,1.5,most,", "two,as fast,,1.75,least,", START]
-
-
-START = "start,s,0.7,0.5,most,no"
+    assert rows[2:] == [
+        '"10 robots, a collected step beside a bare C program",times as long,9.0,8.0,most,no',
+        '"10,000 robots, a collected step beside a bare C program",times as long,9.0,2.5,most,no',
+        "ten,ms,11.0,12.0,most,yes",
+        "memory,GB,,1.5,most,",
+        "two,as fast,,1.75,least,",
+        "start,s,0.7,0.5,most,no",
+        "training,s,1234.5,,,",
+    ]
 
 
 @pytest.mark.slow
 def test_a_quick_bench_leaves_out_what_takes_long(typed, pretended):
-    assert "start, s" not in typed("bench --quick")[1]
+    out = typed("bench --quick")[1]
+    assert "start, s" not in out
+    assert [line.split() for line in out.splitlines() if line.endswith("  no")] == [
+        ["10", "1", "5", "5", "9", "9", "8", "no"]
+    ]
+
+
+@pytest.mark.slow
+def test_bench_states_in_a_line_that_there_is_no_c_compiler(typed, tmp_path, pretended, monkeypatch):
+    monkeypatch.setattr(bench.BareProgram, "compile_into", no_compiler)
+    _, out, _ = typed("bench --quick")
+    line = "a step beside a bare C program of the same work: not measured, there is no C compiler here"
+    assert line in out.splitlines()
+    assert (tmp_path / "results" / "bench" / "bare_c.csv").read_text().splitlines()[1:] == ["10,,,,,,8.0"]
 
 
 def test_reproduce_lists_a_line_for_every_figure(typed, tmp_path):

@@ -14,20 +14,25 @@ from mesa_swarm_studies.benchmarks import speed as timing
 from mesa_swarm_studies.benchmarks.learn_bench import is_training
 from mesa_swarm_studies.benchmarks.speed import (
     CUSTOM_RULE,
+    FIRST_STEP,
     FULL,
+    LEARNERS,
     LISTING,
     MEASUREMENTS,
+    Effort,
     Goal,
     NotMeasuredError,
     bytes_per_robot,
     contact_alone,
     free_bytes,
     gathering,
+    goals_csv,
     largest_world,
     on_map,
     paired_seconds,
     peer_workload,
     printed_numbers,
+    recorded_step,
     step_seconds,
     two_threads,
 )
@@ -53,6 +58,12 @@ def test_a_goal_is_an_upper_or_a_lower_limit():
     most, least = Goal(what="a", unit="s", limit=2.0), Goal(what="a", unit="s", limit=2.0, least=True)
     assert [most.passed(value) for value in (1.9, 2.0, 2.1)] == [True, True, False]
     assert [least.passed(value) for value in (1.9, 2.0, 2.1)] == [False, True, True]
+
+
+def test_a_number_without_a_limit_is_neither_passed_nor_missed():
+    training = Goal(what="training", unit="s")
+    assert training.verdict(3.14159) == "training, s: 3.14"
+    assert goals_csv([(training, 3.0)]).splitlines()[1] == "training,s,3.0,,,"
 
 
 def test_no_two_goals_are_of_the_same():
@@ -87,6 +98,10 @@ def test_the_largest_world_is_measured_in_its_own_process():
     assert math.isnan(peak) or 0.05 < peak < 5
 
 
+def test_a_recorded_step_takes_some_share_of_a_plain_one():
+    assert recorded_step(5, Effort(repetitions=1, budget=0.0)) > 0
+
+
 def test_the_largest_world_is_not_made_without_memory_for_it(monkeypatch):
     assert free_bytes() > 0
     monkeypatch.setattr(timing, "free_bytes", lambda: 1e9)
@@ -106,9 +121,16 @@ def test_processes_have_one_thread_and_the_environment_that_is_given(monkeypatch
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", [CUSTOM_RULE, LISTING])
-def test_a_program_that_is_measured_prints_a_number(program):
-    assert printed_numbers(program)[0] > 0
+@pytest.mark.parametrize(("program", "count"), [(CUSTOM_RULE, 1), (LISTING, 1), (FIRST_STEP, 3)])
+def test_a_program_that_is_measured_prints_its_numbers(program, count):
+    numbers = printed_numbers(program)
+    assert len(numbers) == count
+    assert min(numbers) > 0
+
+
+@pytest.mark.slow
+def test_learners_print_robot_steps_and_the_time_of_a_new_episode():
+    assert min(printed_numbers(LEARNERS, "2", "3")) > 0
 
 
 def test_a_robot_takes_some_hundred_bytes():

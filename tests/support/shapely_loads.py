@@ -10,9 +10,10 @@ import shapely
 from shapely import STRtree
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.physics import loads
+from mesa_swarm.physics import engine
 from mesa_swarm.physics.arcs import LONGEST_PIECE, sinc
 from mesa_swarm.physics.contact import SLOP
+from mesa_swarm.physics.engine import CompiledEngine
 from mesa_swarm.physics.loads import EQUAL, HAIR, HALVINGS, MOST_WAYS, ROUNDS
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.world.bodies import Body, Load, Pose, placed
@@ -287,7 +288,8 @@ def stuck_loads(surroundings: Surroundings, room: Room, moved: Iterable[int], co
 
 
 def use(monkeypatch) -> None:
-    """Let models move their loads by these functions."""
-    monkeypatch.setattr(loads, "push_all", lambda around, _, *rest: push_all(around, Room.around(around), *rest))
-    monkeypatch.setattr(loads, "find_stuck_loads", stuck_loads)
-    monkeypatch.setattr(loads, "return_loads", lambda around, _, *rest: take_back(around, Room.around(around), *rest))
+    """Let models move their loads by these functions, stage by stage."""
+    monkeypatch.setattr(CompiledEngine, "_move_kernel_for", lambda *arguments: None)
+    monkeypatch.setattr(engine, "push_all", lambda around, _, *rest: push_all(around, Room.around(around), *rest))
+    monkeypatch.setattr(engine, "find_stuck_loads", stuck_loads)
+    monkeypatch.setattr(engine, "return_loads", lambda around, _, *rest: take_back(around, Room.around(around), *rest))

@@ -1,0 +1,75 @@
+"""Kernels of functions of arrays that users write: of one signature, and a block made for what they take."""
+
+from collections.abc import Mapping
+from types import FunctionType
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numba import njit, typeof
+
+from mesa_swarm.kernels.block import SIGNATURE, unpack
+from mesa_swarm.kernels.compiled import compile_custom
+from mesa_swarm.kernels.draws import Stream, draw_number
+from mesa_swarm.kernels.type_names import name_type
+
+# What a function may take besides what a block holds: the number of the step, and a number that is drawn in each.
+STEP, CHANCE = "step", "chance"
+# The code that a kernel returns where the function has raised an error.
+FAILED = 1
+TEXT = """
+def kernel(block, step, first, last):
+    given = unpack(block, Arrays)
+    try:
+        function({arguments})
+    except Exception:
+        return {failed}
+    return 0
+"""
+
+
+class CustomKernel(NamedTuple):
+    """A compiled function of a user's as a kernel, and the class of its block; or why Numba refuses it."""
+
+    code: Any
+    arrays: Any
+    problem: str = ""
+
+
+_MADE: dict[tuple, CustomKernel] = {}
+
+
+def kernel_of_function(function: FunctionType, takes: tuple[str, ...], values: Mapping[str, Any]) -> CustomKernel:
+    """Return the kernel of a function of these arrays and numbers, made once for their types.
+
+    Parameters
+    ----------
+    function : function
+    takes : tuple of str
+        The names of its parameters.
+    values : dict
+        Arrays in C order and numbers, by names of parameters other than `step` and `chance`; the block holds them in
+        this order, and last a `Stream`.
+    """
+    fields = [(name, _annotation(value)) for name, value in values.items()]
+    key = function, takes, tuple((name, str(kind)) for name, kind in fields)
+    if key not in _MADE:
+        _MADE[key] = _make(function, takes, fields)
+    return _MADE[key]
+
+
+def _make(function: FunctionType, takes: tuple[str, ...], fields: list[tuple[str, Any]]) -> CustomKernel:
+    arrays: Any = NamedTuple("Arrays", [*fields, ("stream_of_chance", Stream)])  # type: ignore[misc]
+    special = {STEP: "step", CHANCE: "draw_number(given.stream_of_chance)"}
+    arguments = ", ".join(special.get(name, f"given.{name}") for name in takes)
+    space = {"unpack": unpack, "Arrays": arrays, "function": compile_custom(function), "draw_number": draw_number}
+    exec(TEXT.format(arguments=arguments, failed=FAILED), space)
+    code: Any = njit(error_model="numpy", boundscheck=True, nogil=True)(space["kernel"])
+    try:
+        code.compile(SIGNATURE)
+    except Exception as error:  # Numba's own code raises ordinary errors too
+        return CustomKernel(None, arrays, str(error) or type(error).__name__)
+    return CustomKernel(code, arrays)
+
+
+def _annotation(value: Any) -> Any:
+    return Annotated[np.ndarray, name_type(typeof(value))] if isinstance(value, np.ndarray) else type(value)

@@ -1,0 +1,312 @@
+"""Processes made of a function: of the model in Python, or of arrays and numbers that it names, compiled."""
+
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from functools import partial
+from importlib import import_module
+from types import FunctionType
+from typing import Any, overload
+
+import numpy as np
+
+from mesa_swarm.base.errors import (
+    BehaviourError,
+    InvalidValueError,
+    SwarmError,
+    UncompiledBehaviourWarning,
+    UnknownNameError,
+    check_count,
+    check_number,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.control.source import normal_source, own_randomness
+from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.compiled import compile_custom
+from mesa_swarm.kernels.custom_kernels import CHANCE, STEP, kernel_of_function
+from mesa_swarm.kernels.draws import stream_of
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.model.processes import Process
+from mesa_swarm.robots.devices import warn_of_plain
+
+# The first parameter of a function of the model.
+MODEL = "model"
+# Columns of robots that a function of arrays may change; all others are locked.
+CHANGEABLE = ("temperature", "tendency")
+
+
+class ProcessRule(Process):
+    """A process made of a function with `process`; calling it returns one with other numbers.
+
+    Attributes
+    ----------
+    function : function
+    numbers : dict
+        Its parameters with defaults.
+    memory : dict of str to ndarray
+        What it remembers from step to step.
+    every : int
+        It takes place in the steps that this divides.
+    """
+
+    resumable = True
+
+    def __init__(
+        self, function: FunctionType, numbers: Mapping[str, float], memory: Mapping[str, np.ndarray], every: int
+    ) -> None:
+        self.function, self.numbers, self.every = function, dict(numbers), every
+        self.memory = {name: array.copy() for name, array in memory.items()}
+        self.__name__, self.__doc__ = function.__name__, function.__doc__
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value!r}" for name, value in self.numbers.items())
+        return f"<process {self.__name__}({values})>"
+
+    def __call__(self, **changes: float) -> "ProcessRule":
+        """Return the same process with other numbers, and a memory of its own."""
+        for name, value in changes.items():
+            if name not in self.numbers:
+                raise UnknownNameError(unknown_name(f"parameter of {self.__name__}", name, self.numbers))
+            check_number(f"{self.__name__}'s {name}", value)
+        return ProcessRule(self.function, {**self.numbers, **changes}, self.memory, self.every)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what it remembers by its name: a number, or an array of several."""
+        memory = self.__dict__.get("memory", {})
+        if name not in memory:
+            raise AttributeError(f"process {self.__dict__.get('__name__', '')} has no attribute {name}")
+        return memory[name][0].item() if len(memory[name]) == 1 else memory[name]
+
+    def __reduce__(self) -> tuple:
+        """Return how a copy is made: of the function, or of the process that has replaced it in its module."""
+        module, name = self.function.__module__, self.function.__qualname__
+        replacing = getattr(sys.modules.get(module), name, None)
+        source = (module, name) if isinstance(replacing, ProcessRule) else self.function
+        return rule_of_process, (source, self.numbers, self.memory, self.every)
+
+    def __deepcopy__(self, memo: dict) -> "ProcessRule":
+        return ProcessRule(self.function, self.numbers, self.memory, self.every)
+
+    def for_model(self) -> "ProcessRule":
+        """Return the process that a model has: one with a memory of its own."""
+        return ProcessRule(self.function, self.numbers, self.memory, self.every)
+
+    def checkpoint(self) -> dict:
+        """Return what it remembers, its numbers, and its source, which the fingerprint of a model includes."""
+        return {"memory": self.memory, "numbers": self.numbers, "source": normal_source(self.function)}
+
+    def restore(self, state: dict) -> None:
+        """Take back what `checkpoint` returned, but the source."""
+        self.numbers = dict(state["numbers"])
+        for name, array in state["memory"].items():
+            self.memory[name][:] = array
+
+    @property
+    def takes_place_every(self) -> int:
+        """Steps from one time to the next."""
+        return self.every
+
+    @property
+    def takes_model(self) -> bool:
+        """Whether it is a function of the model, in Python."""
+        return next(iter(inspect.signature(self.function).parameters), "") == MODEL
+
+    def check_model(self, model: Any) -> None:
+        """Refuse names that a model does not have, and random numbers that its seed does not govern."""
+        source = own_randomness(self.function)
+        if source and not self.takes_model:
+            raise BehaviourError(
+                f"process {self.__name__} uses {source}, which the model's seed does not govern; name chance, a number "
+                "from 0 to 1 that is drawn in each step"
+            )
+        if not self.takes_model:
+            self.arguments(model)
+
+    def step(self, model: Any) -> None:
+        """Take place."""
+        if self.takes_model:
+            self._call(model, partial(self.function, model, **self.numbers))
+            return
+        kernel = self.kernel_for(model)
+        if kernel is not None:
+            kernel.run(model.steps, len(model.swarm))
+        else:
+            self._call(model, partial(self.function, **self._present(model)))
+
+    def _call(self, model: Any, function: Callable[[], Any]) -> None:
+        try:
+            function()
+        except (SwarmError, UncompiledBehaviourWarning):
+            raise
+        except Exception as error:
+            problem = " ".join(f"{type(error).__name__}: {error}".split())
+            raise BehaviourError(
+                f"process {self.__name__} failed in step {model.steps}: it raised {problem}"
+            ) from error
+
+    def _stream(self, model: Any) -> np.random.Generator:
+        return model.streams[f"process {self.__name__}"]
+
+    def arguments(self, model: Any) -> dict[str, Any]:
+        """Return arrays and numbers by the names that the function takes; `chance` is 0 until it is drawn."""
+        columns = self.columns_of(model)
+        found: dict[str, Any] = {**columns, **self.memory, **self.numbers, STEP: int(model.steps), CHANCE: 0.0}
+        for name in inspect.signature(self.function).parameters:
+            if name not in found:
+                raise UnknownNameError(unknown_name(f"parameter of process {self.__name__}", name, sorted(found)))
+        return {name: found[name] for name in inspect.signature(self.function).parameters}
+
+    def columns_of(self, model: Any) -> dict[str, np.ndarray]:
+        """Return the columns of a model by names with underscores; those that a process may not change are locked."""
+        columns = {}
+        for part_name, part in model.parts.items():
+            is_added = part in model.parts.added()
+            for name, (array, *_) in part.columns().items():
+                free = is_added or name in CHANGEABLE or (part_name == "control" and "." in name)
+                key = name if part_name == "robots" or name in model.swarm.columns else f"{part_name}.{name}"
+                columns[key.replace(".", "_")] = array if free else lock_array(array)
+        return columns
+
+    def kernel_for(self, model: Any) -> Kernel | None:
+        """Return the function with its arrays as a kernel, None if Numba refuses it."""
+        if self.takes_model:
+            return None
+        arguments = self.arguments(model)
+        arguments[CHANCE], key = self._stream(model), [*map(_identity, arguments.values())]
+        if self.__dict__.get("_made", (None,))[0] != key:
+            self.__dict__["_made"] = key, self._make_kernel(model, arguments)
+        return self.__dict__["_made"][1]
+
+    def _make_kernel(self, model: Any, arguments: dict[str, Any]) -> Kernel | None:
+        generator = arguments.pop(CHANCE)
+        values = {name: value for name, value in arguments.items() if name != STEP}
+        if any(isinstance(value, np.ndarray) and not value.flags.c_contiguous for value in values.values()):
+            return None
+        made = kernel_of_function(self.function, tuple(inspect.signature(self.function).parameters), values)
+        if made.code is None:
+            warn_of_plain(self.function, f"process {self.__name__}", made.problem)
+            return None
+        block = Block(made.arrays(*values.values(), stream_of(generator)))
+        return Kernel(made.code, block.numbers, (block, generator), partial(self._fail, model))
+
+    def _fail(self, model: Any, code: int) -> None:
+        """Raise the error of the function, which is called once more for it."""
+        self._call(model, partial(compile_custom(self.function), *self._present(model).values()))
+        raise BehaviourError(f"process {self.__name__} failed in step {model.steps}: it raised an error")
+
+    def _present(self, model: Any) -> dict[str, Any]:
+        arguments = self.arguments(model)
+        if CHANCE in arguments:
+            arguments[CHANCE] = self._stream(model).random()
+        return arguments
+
+
+def rule_of_process(source: Any, numbers: dict, memory: dict, every: int) -> ProcessRule:
+    """Return a process of a function, or of that of another process, by its module and its name."""
+    function = getattr(import_module(source[0]), source[1]).function if isinstance(source, tuple) else source
+    return ProcessRule(function, numbers, memory, every)
+
+
+def _identity(value: Any) -> Any:
+    if not isinstance(value, np.ndarray):
+        return value
+    return value.ctypes.data, value.shape, value.dtype.str, value.flags.writeable
+
+
+@overload
+def process(function: Callable) -> ProcessRule: ...
+
+
+@overload
+def process(*, memory: Mapping[str, Any] | None = None, every: int = 1) -> Callable[[Callable], ProcessRule]: ...
+
+
+def process(
+    function: Callable | None = None, *, memory: Mapping[str, Any] | None = None, every: int = 1
+) -> ProcessRule | Callable[[Callable], ProcessRule]:
+    """Make a process of a function, to be added by `SwarmModel.add_process`.
+
+    A function of `model` is called with the model in each step, in Python. Any other is compiled, and takes no step
+    more slowly: it is called with what its parameters name.
+
+    | parameter | is |
+    | --- | --- |
+    | a column, such as `position` or `temperature` | an array with a row a robot |
+    | a column of another part, `fires_out` | that of ``model.parts["fires"]`` |
+    | a name in `memory` | an array of the numbers that the process remembers, to be changed in place |
+    | `step` | the number of the step, from 1 |
+    | `chance` | a number from 0 to 1, drawn in each step |
+    | one with a default | a number, which ``rule(name=value)`` replaces |
+
+    It may change the columns temperature and tendency, columns of added parts and memory of layers; all others are
+    locked. A function that Numba refuses is run as plain Python, with a warning.
+
+    Parameters
+    ----------
+    function : function
+    memory : dict, optional
+        What the process remembers: names, and a number or a list of numbers each; hashed, stored and resumed.
+    every : int
+        It takes place in the steps that this divides, at least 1.
+
+    Raises
+    ------
+    InvalidValueError
+        If it is not a function, or a parameter has a default that is not a number.
+    UnknownNameError
+        When it is added to a model without what a parameter names.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT9, SwarmModel
+    >>> @process(memory={"farthest": 0.0})
+    ... def measure(position, farthest, scale=1.0):
+    ...     for i in range(position.shape[0]):
+    ...         farthest[0] = max(farthest[0], scale * position[i, 0])
+    >>> model = SwarmModel(rng=1)
+    >>> robots = model.add_robots(AGENT9, poses=[(100, 100, 0.0), (200, 100, 0.0)])
+    >>> measuring = model.add_process(measure(scale=2.0))
+    >>> model.run(3).processes[0].farthest
+    400.0
+    """
+    if function is None:
+        return partial(_process_of, memory=memory, every=every)
+    return _process_of(function, memory, every)
+
+
+def _process_of(function: Callable, memory: Mapping[str, Any] | None, every: int) -> ProcessRule:
+    function = getattr(function, "py_func", function)
+    if not isinstance(function, FunctionType):
+        raise InvalidValueError(f"process got {shortened(function)}; expected a function of model, or of arrays")
+    numbers = {
+        name: parameter.default
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.default is not parameter.empty
+    }
+    for name, number in numbers.items():
+        if not isinstance(number, bool):
+            check_number(f"{function.__name__}'s {name}", number)
+    arrays = {name: check_remembered(function.__name__, name, first) for name, first in (memory or {}).items()}
+    return ProcessRule(function, numbers, arrays, check_count("every", every, minimum=1))
+
+
+def check_remembered(process_name: str, name: str, first: Any) -> np.ndarray:
+    """Return what a process remembers as an array of numbers or of True and False."""
+    try:
+        array = np.atleast_1d(np.array(first))
+    except ValueError:
+        array = np.array([None])
+    if array.ndim != 1 or array.dtype.kind not in "bif" or not name.isidentifier():
+        raise InvalidValueError(
+            f"memory {name} of process {process_name} is {shortened(first)}; expected a number or a list of numbers"
+        )
+    kinds = {"b": np.bool_, "i": np.int64, "f": np.float64}
+    return array.astype(kinds[array.dtype.kind])
+
+
+def lock_array(array: np.ndarray) -> np.ndarray:
+    """Return a view of an array that cannot be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
