@@ -46,6 +46,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.model.processes import Process
     from mesa_swarm.model.reporters import event_count, event_total, held
     from mesa_swarm.model.scattering import Wander, scatter
+    from mesa_swarm.model.worlds import drive
     from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Emitter, Lamp
@@ -110,6 +111,7 @@ _MODULES = {
     "robots.real_robots": "E_PUCK I_SWARM KHEPERA_4 KILOBOT REAL_ROBOTS RealRobot S_BOT Scale THYMIO_2 TURTLEBOT_3",
     "robots.sensors": "FieldSensor LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "model.scattering": "Wander scatter",
+    "model.worlds": "drive",
     "swarm_model": "SwarmModel show",
     "world.fields": "Field ScalarField",
     "maps.map": "Map",
@@ -182,6 +184,7 @@ __all__ = [
     "compare",
     "count",
     "disc",
+    "drive",
     "event_count",
     "event_total",
     "held",

@@ -151,7 +151,7 @@ def go_towards(block, step, first, last):
         if x != 0.0 or y != 0.0:
             bearing, speed = math.atan2(y, x), robots.max_speed[i]
             command[i, 0], command[i, 1] = approach(bearing, rule.critical_angle, speed, robots.radius[i])
-            layer[i] = robots.index
+            layer[i] = robots.place
     return 0
 
 
@@ -186,5 +186,5 @@ def halt_robots(block, step, first, last):
     for i in range(robots.layer.shape[0]):
         if robots.layer[i] < 0:
             robots.command[i] = 0.0
-            robots.layer[i] = robots.index
+            robots.layer[i] = robots.place
     return 0

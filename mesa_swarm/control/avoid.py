@@ -200,7 +200,7 @@ def avoid(block, step, first, last):
             turn = ahead if both else 1.0
         if turn != 0.0:
             write_turn(command, i, turn, robots.max_speed[i], rule.inner)
-            layer[i] = robots.index
+            layer[i] = robots.place
     return 0
 
 
@@ -230,7 +230,7 @@ def back_up(rule):
         else:
             write_turn(command, i, robots.tendency[i], speed, rule.inner)
         left[i] -= 1
-        layer[i] = robots.index
+        layer[i] = robots.place
 
 
 @compiled

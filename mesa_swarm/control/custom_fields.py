@@ -4,7 +4,7 @@ import dis
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from types import FunctionType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -61,7 +61,7 @@ class Records:
 
     def copies(self) -> list[Block]:
         """Return what copies each column to its field and back, as `copy_fields` takes it."""
-        rows, fields = len(self.array), self.array.dtype.fields or {}
+        rows, fields = len(self.array), cast(Any, self.array.dtype.fields)
         records = self.array.view(np.uint8).reshape(rows, -1)
         columns = {name: column.view(np.uint8).reshape(rows, -1) for name, column in self._columns.items()}
         return [Block(FieldCopy(column, records, fields[name][1])) for name, column in columns.items()]

@@ -88,7 +88,7 @@ class TurningRule(NamedTuple):
         Steps from turn to turn.
     largest : float
         Turn, rad.
-    count : int64 ndarray, shape (n,)
+    steps : int64 ndarray, shape (n,)
         Steps that each robot has driven straight.
     turn, turns : ndarrays, shape (n,), rad
         What remains of a turn, and those that are drawn in a step.
@@ -99,7 +99,7 @@ class TurningRule(NamedTuple):
     straight: StraightRule
     interval: int
     largest: float
-    count: Integers
+    steps: Integers
     turn: Reals
     turns: Reals
     stream: Stream
@@ -119,8 +119,8 @@ def turn_now_and_then(block, step, first, last):
     robots, turns = rule.straight.robots, rule.turns
     for i in range(turns.shape[0]):
         turns[i] = draw_between(rule.stream, -rule.largest, rule.largest)
-    count_down(rule.count, rule.turn, turns, rule.interval, robots.layer)
-    turn_on_the_spot(rule.turn, robots.radius, robots.max_speed, robots.command, robots.layer, robots.index)
+    count_down(rule.steps, rule.turn, turns, rule.interval, robots.layer)
+    turn_on_the_spot(rule.turn, robots.radius, robots.max_speed, robots.command, robots.layer, robots.place)
     drive_straight(rule.straight)
     return 0
 
@@ -134,7 +134,7 @@ def drive_straight(rule):
         if layer[i] < 0:
             command[i, 0] = rule.share * robots.max_speed[i]
             command[i, 1] = rule.share * robots.max_speed[i]
-            layer[i] = robots.index
+            layer[i] = robots.place
 
 
 @compiled

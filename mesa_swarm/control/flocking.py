@@ -67,7 +67,7 @@ class VelocityMatching(CompiledLayer):
         columns, n = self._swarm.columns, len(robots.layer)
         memory = [columns[f"{self._prefix}.{name}"] for name in ("centroid", "seen", "velocity", "compared")]
         # Commands of wheels turn the body, those forward and sideways do not.
-        rule = self.commands_wheels, 1.0 / float(self.memory), float(self.jump)
+        rule = bool(self.commands_wheels), 1.0 / float(self.memory), float(self.jump)
         return Tracking(robots, *rule, np.empty((n, 2)), np.empty(n, np.int64), *memory)
 
 
@@ -80,9 +80,9 @@ class Tracking(NamedTuple):
     commands_wheels : bool
     least_weight, jump : float
         The share of a step in the mean at least, and the longest displacement that counts.
-    centroid, count : ndarrays, shapes (n, 2), (n,)
+    centroid, seen : ndarrays, shapes (n, 2), (n,)
         What is seen in a step.
-    centroid_before, count_before : ndarrays, shapes (n, 2), (n,)
+    centroid_before, seen_before : ndarrays, shapes (n, 2), (n,)
         What was seen in the step before.
     velocity, compared : ndarrays, shapes (n, 2), (n,)
         The estimates, in the robot's frame, and how many steps in a row were compared.
@@ -93,9 +93,9 @@ class Tracking(NamedTuple):
     least_weight: float
     jump: float
     centroid: RealRows
-    count: Integers
+    seen: Integers
     centroid_before: RealRows
-    count_before: Integers
+    seen_before: Integers
     velocity: RealRows
     compared: Integers
 
@@ -104,10 +104,10 @@ class Tracking(NamedTuple):
 def track_robots(tracking):
     """Take in this step's readings."""
     t, robots = tracking, tracking.robots
-    perceive_robots(robots.distance, robots.kind, robots.sensors, robots.design, t.centroid, t.count)
+    perceive_robots(robots.distance, robots.kind, robots.sensors, robots.design, t.centroid, t.seen)
     track(
-        t.centroid, t.count, robots.last_command, robots.radius, t.commands_wheels, t.least_weight, t.jump,
-        t.centroid_before, t.count_before, t.velocity, t.compared,
+        t.centroid, t.seen, robots.last_command, robots.radius, t.commands_wheels, t.least_weight, t.jump,
+        t.centroid_before, t.seen_before, t.velocity, t.compared,
     )  # fmt: skip
 
 
@@ -214,7 +214,7 @@ def match_velocities(block, step, first, last):
     track_robots(t)
     drive_arcs(
         t.velocity, t.compared, FEWEST, rule.slowest, robots.max_speed, robots.radius, robots.command, robots.layer,
-        robots.index,
+        robots.place,
     )  # fmt: skip
     return 0
 
@@ -308,7 +308,7 @@ def separate_from(block, step, first, last):
         if count:
             share = robots.max_speed[i] / max(1.0, math.hypot(x, y))
             robots.command[i, 0], robots.command[i, 1] = share * x, share * y
-            layer[i] = robots.index
+            layer[i] = robots.place
     return 0
 
 
@@ -357,7 +357,7 @@ def align_robots(block, step, first, last):
     t = unpack(block, AlignRule).tracking
     robots = t.robots
     track_robots(t)
-    align(t.velocity, t.compared, FEWEST, robots.max_speed, robots.command, robots.layer, robots.index)
+    align(t.velocity, t.compared, FEWEST, robots.max_speed, robots.command, robots.layer, robots.place)
     return 0
 
 
@@ -428,7 +428,7 @@ def cohere(block, step, first, last):
         if count:
             share = robots.max_speed[i] / max(rule.near, math.hypot(x, y))
             robots.command[i, 0], robots.command[i, 1] = share * x, share * y
-            robots.layer[i] = robots.index
+            robots.layer[i] = robots.place
     return 0
 
 
@@ -487,5 +487,5 @@ def cruise(block, step, first, last):
             x, y = 1.0, 0.0
         speed = rule.share * robots.max_speed[i]
         robots.command[i, 0], robots.command[i, 1] = speed * x, speed * y
-        robots.layer[i] = robots.index
+        robots.layer[i] = robots.place
     return 0

@@ -93,5 +93,5 @@ def follow_robots(block, step, first, last):
         else:
             speed = robots.max_speed[i] * (rule.chase if distance[i, s] > rule.gap else rule.cruise)
             command[i, 0], command[i, 1] = speed, speed
-        layer[i] = robots.index
+        layer[i] = robots.place
     return 0

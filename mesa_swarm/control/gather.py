@@ -91,10 +91,10 @@ def gather_robots(block, step, first, last):
         bearing = math.atan2(y, x)
         if abs(bearing) > rule.critical_angle:
             command[i, 0], command[i, 1] = turn_towards(bearing, robots.max_speed[i], robots.radius[i])
-            layer[i] = robots.index
+            layer[i] = robots.place
         elif math.hypot(x, y) <= rule.stop_distance:
             command[i, 0], command[i, 1] = 0.0, 0.0
-            layer[i] = robots.index
+            layer[i] = robots.place
     return 0
 
 
@@ -159,7 +159,7 @@ class LeadRule(NamedTuple):
     share: float
     rank: Reals
     sent: Reals
-    count: Integers
+    senders: Integers
     heard: RealRows
     stream: Stream
 
@@ -172,11 +172,11 @@ def lead(block, step, first, last):
     draw_numbers(rule.stream, rank)
     for i in range(rank.shape[0]):
         rule.sent[i] = rank[i]
-        leads = robots.layer[i] < 0 and rule.count[i] > 0
-        for k in range(rule.count[i]):
+        leads = robots.layer[i] < 0 and rule.senders[i] > 0
+        for k in range(rule.senders[i]):
             leads = leads and not rule.heard[i, k] < rank[i]
         if leads:
             speed = rule.share * robots.max_speed[i]
             robots.command[i, 0], robots.command[i, 1] = speed, speed
-            robots.layer[i] = robots.index
+            robots.layer[i] = robots.place
     return 0

@@ -120,9 +120,10 @@ class HeadOn(CompiledLayer):
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, NamedTuple]:
         """Return what turns the robots that meet another head-on."""
         columns, n = self._swarm.columns, len(robots.layer)
-        memory = [columns[f"{self._prefix}.{name}"] for name in ("front", "least", "speed", "left")]
+        front, least, speed, left = (columns[f"{self._prefix}.{name}"] for name in ("front", "least", "speed", "left"))
         limits = float(self.distance), float(self.margin), float(self.parting)
-        meeting = Meeting(robots, np.empty(n, np.int64), *limits, *memory, stream_of(self._rng))
+        nearest, stream = np.empty(n, np.int64), stream_of(self._rng)
+        meeting = Meeting(robots, nearest, *limits, front, least, speed, left, stream)
         if self.leader == "speed":
             return meet_by_speed, SpeedRule(meeting, float(self.slowest), np.empty(n))
         heard = [senses.heard[name] for name in ("n", "range", "bearing", *NUMBERS)]
@@ -185,7 +186,7 @@ class NumberRule(NamedTuple):
     number: Reals
     sent: Reals
     follows: Reals
-    count: Integers
+    senders: Integers
     distances: RealRows
     bearing: RealRows
     heard_numbers: RealRows
@@ -204,7 +205,7 @@ def meet_by_speed(block, step, first, last):
     meet_head_on(
         m.nearest, robots.distance, robots.kind, robots.design, robots.forward, robots.last_command, robots.max_speed,
         robots.radius, robots.tendency, rule.draws, m.near, m.margin, m.parting, m.last_reading, m.least, m.speed,
-        m.angle_left, robots.command, robots.layer, robots.index,
+        m.angle_left, robots.command, robots.layer, robots.place,
     )  # fmt: skip
     return 0
 
@@ -260,7 +261,7 @@ def announce(rule):
         s = nearest[i]
         rule.follows[i] = robots.distance[i, s] + 2.0 * robots.radius[i] if s >= 0 else math.nan
         rule.sent[i] = rule.number[i]
-        for k in range(rule.count[i]):
+        for k in range(rule.senders[i]):
             behind = abs(bearing[i, k]) > 0.5 * math.pi
             if behind and abs(rule.heard_follows[i, k] - distances[i, k]) < rule.tolerance:
                 rule.sent[i] = -rule.number[i]
@@ -285,7 +286,7 @@ def lead_by_number(rule):
             if m.last_reading[i] - reading > own + m.margin * robots.max_speed[i]:
                 far = reading + 2.0 * robots.radius[i]
                 other = number_ahead(
-                    rule.count[i], rule.distances[i], rule.bearing[i], rule.heard_numbers[i], rule.heard_follows[i],
+                    rule.senders[i], rule.distances[i], rule.bearing[i], rule.heard_numbers[i], rule.heard_follows[i],
                     far, rule.tolerance,
                 )  # fmt: skip
                 role = who_turns(rule.sent[i], other, rule.by_chain)
@@ -298,7 +299,7 @@ def lead_by_number(rule):
             waits = speed[i] < 0.0
             command[i, 0], command[i, 1] = (0.0, 0.0) if waits else (left_wheel, right_wheel)
             angle_left[i] -= abs(right_wheel) / radius
-            layer[i] = robots.index
+            layer[i] = robots.place
 
 
 @compiled

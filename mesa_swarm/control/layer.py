@@ -157,7 +157,7 @@ class Layer(Protocol):
 
 
 class RobotColumns(NamedTuple):
-    """What compiled layers know of robots, see `Senses`, and what they write; `index` is the layer's own."""
+    """What compiled layers know of robots, see `Senses`, and what they write; `place` is the layer's index."""
 
     distance: RealRows
     kind: CodeRows
@@ -184,7 +184,7 @@ class RobotColumns(NamedTuple):
     radiation_bearing: RealRows
     command: RealRows
     layer: Integers
-    index: int
+    place: int
 
 
 SENSED = attrgetter(*RobotColumns._fields[: RobotColumns._fields.index("command")])
@@ -192,7 +192,8 @@ SENSED = attrgetter(*RobotColumns._fields[: RobotColumns._fields.index("command"
 
 def columns_for(senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> RobotColumns:
     """Return the columns of senses, and what a layer writes."""
-    return RobotColumns(*SENSED(senses), command, layer, index)
+    columns: Any = *SENSED(senses), command, layer, index
+    return RobotColumns(*columns)
 
 
 def kernel_with(function: Any, arguments: NamedTuple) -> Kernel:

@@ -102,7 +102,7 @@ def keep_ring(block, step, first, last):
         # Towards the centroid from outside the ring, else away from it.
         towards = 1.0 if distance > rule.ring and not rests[i] else -1.0
         bearing = math.atan2(towards * y, towards * x)
-        layer[i] = robots.index
+        layer[i] = robots.place
         if abs(bearing) > rule.critical_angle:
             command[i, 0], command[i, 1] = turn_towards(bearing, robots.max_speed[i], robots.radius[i])
         else:

@@ -101,7 +101,7 @@ def push(block, step, first, last):
             towards = way_round(towards, distance[i, nearest], rule.clearance, robots.tendency[i])
         speed, radius = robots.max_speed[i], robots.radius[i]
         command[i, 0], command[i, 1] = approach(towards, rule.critical_angle, speed, radius)
-        layer[i] = robots.index
+        layer[i] = robots.place
     return 0
 
 

@@ -93,7 +93,7 @@ def respond_to_fires(block, step, first, last):
             continue
         x, y = target[i, 0], target[i, 1]
         if math.hypot(x, y) > rule.near:
-            layer[i] = robots.index
+            layer[i] = robots.place
             bearing, speed = math.atan2(y, x), robots.max_speed[i]
             command[i, 0], command[i, 1] = approach(bearing, rule.critical_angle, speed, robots.radius[i])
     return 0

@@ -3,14 +3,17 @@
 import math
 from collections.abc import Sequence
 from operator import itemgetter
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import shapely
 
 from mesa_swarm.analysis.coverage import cells_from_places
 from mesa_swarm.base.errors import InvalidValueError, SwarmError, check_choice
+from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import CodeRows, FlagRows, Flags, Integers, RealRows, Reals, SingleRows
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.design import RobotDesign
@@ -119,14 +122,23 @@ class ObservationEncoder:
         readings = OBSERVED(columns)
         if first:
             readings = tuple(column[rows] for column in readings)
-        about = self._reach, self._has_types, self._kinds, self._parts, self._body, self._leave
-        write_observations(*readings, *about, out)
+        write_observations(*readings, *self._about(), out)
         if self._home:
             place = columns[NEST][rows]
             out[:, self._width_of_senses] = columns[CARRIED][rows, 0] >= 0
             _write_place(place[:, 0] / self._home, place[:, 1], out[:, self._width_of_senses + 1 :])
         if self._messages:
             self._write_heard(columns, rows, out[:, self.width - HEARD - self._messages :])
+
+    def _about(self) -> tuple[Any, ...]:
+        """Return what `write_observations` takes besides readings."""
+        return self._reach, self._has_types, self._kinds, self._parts, self._body, float(self._leave)
+
+    def kernel_for(self, columns: dict[str, np.ndarray], out: np.ndarray) -> Kernel | None:
+        """Return what writes the observations of the first robots, where these are of readings and heat only."""
+        if self._home or self._messages:
+            return None
+        return make_kernel(observe_robots, ObserveArrays(*OBSERVED(columns), *self._about(), out))
 
     def _write_heard(self, columns: dict[str, np.ndarray], rows: slice, out: np.ndarray) -> None:
         away = columns["heard.range"][rows, 0] / self._message_range
@@ -189,7 +201,37 @@ class TeamEncoder:
             first += count
 
 
-# This calls no compiled function of another file, so that Numba's own cache cannot go stale.
+class ObserveArrays(NamedTuple):
+    """What `write_observations` takes."""
+
+    distance: RealRows
+    kind: CodeRows
+    radiation: RealRows
+    line: FlagRows
+    temperature: Reals
+    hot: Flags
+    heat: Reals
+    fire: Integers
+    reach: Reals
+    typed: bool
+    kinds: tuple[int, int, int]
+    parts: tuple[int, int]
+    body: bool
+    leave: float
+    out: SingleRows
+
+
+@compiled(nogil=True)
+def observe_robots(block, step, first, last):
+    """Write observations of readings and heat."""
+    o = unpack(block, ObserveArrays)
+    write_observations(
+        o.distance, o.kind, o.radiation, o.line, o.temperature, o.hot, o.heat, o.fire,
+        o.reach, o.typed, o.kinds, o.parts, o.body, o.leave, o.out,
+    )  # fmt: skip
+    return 0
+
+
 @compiled
 def write_observations(
     distance, kind, radiation, line, temperature, hot, heat, fire, reach, typed, kinds, parts, body, leave, out
@@ -218,11 +260,19 @@ def write_observations(
             out[i, at + 3] = fire[i] >= 0
 
 
+def make_kernel(function: Any, arguments: NamedTuple) -> Kernel:
+    """Return the kernel of a function and a block of these arguments."""
+    block = Block(arguments)
+    return Kernel(function, block.numbers, block)
+
+
 class Score(Protocol):
     """Rewards for the steps of one world.
 
     It may also have `measures`, which returns the task's own measures of the episode so far, numbers by name, and
     `remove_robots`, which takes the rows of rewarded robots that were removed from the world: without it none may be.
+    By ``kernel_for(out, finished)`` it may return a `Kernel` that writes the rewards (k,) of each step, and in
+    `finished` (1,) whether the task is done; or None.
     """
 
     @property
@@ -246,13 +296,21 @@ class EpisodeTally:
         self.sums = np.zeros((count, 2))
         self.fresh = np.zeros(count)
         self.visited = np.zeros(CELLS, np.bool_)
-        self._bounds = bounds
+        x_min, y_min, x_max, y_max = map(float, bounds)
+        self._bounds = x_min, y_min, x_max, y_max
         self._removed_sums = np.zeros((0, 3))  # their two sums, and their steps
 
     def add(self, columns: dict[str, np.ndarray]) -> None:
         """Add the last step from the swarm's columns."""
-        tally_step(*TALLIED(columns), self._bounds, self.visited, self.fresh, self.sums)
+        tally_step(*self._arrays(columns))
         self.steps += 1
+
+    def _arrays(self, columns: dict[str, np.ndarray]) -> "TallyArrays":
+        return TallyArrays(*TALLIED(columns), self._bounds, self.visited, self.fresh, self.sums)
+
+    def kernel_for(self, columns: dict[str, np.ndarray]) -> Kernel:
+        """Return what `add` does, but for counting the steps."""
+        return make_kernel(tally_robots, self._arrays(columns))
 
     def remove_robots(self, rows: np.ndarray) -> None:
         """Keep the sums of robots, by their rows, that were removed apart: those behind them move up."""
@@ -302,8 +360,15 @@ class DrivingScore:
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
+        reward_driving(*self._arrays(out))
+
+    def _arrays(self, out: np.ndarray) -> "DrivingArrays":
         columns = self._model.swarm.columns
-        reward_driving(columns["command"], columns["max_speed"], columns["collided"], self._cost, out)
+        return DrivingArrays(columns["command"], columns["max_speed"], columns["collided"], float(self._cost), out)
+
+    def kernel_for(self, out: np.ndarray, finished: np.ndarray) -> Kernel:
+        """Return what `reward` does."""
+        return make_kernel(reward_drivers, self._arrays(out))
 
 
 class ThesisScore:
@@ -321,9 +386,16 @@ class ThesisScore:
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
+        reward_nearness(*self._arrays(out))
+
+    def _arrays(self, out: np.ndarray) -> "NearnessArrays":
         columns = self._model.swarm.columns
         readings = columns["distance"], columns["design"], self._ranges
-        reward_nearness(*readings, columns["command"], columns["max_speed"], *self._rule, out)
+        return NearnessArrays(*readings, columns["command"], columns["max_speed"], *self._rule, out)
+
+    def kernel_for(self, out: np.ndarray, finished: np.ndarray) -> Kernel:
+        """Return what `reward` does."""
+        return make_kernel(reward_readings, self._arrays(out))
 
 
 class FindingScore:
@@ -331,8 +403,8 @@ class FindingScore:
 
     def __init__(self, model: SwarmModel, count: int, *, arrival: float, step_cost: float) -> None:
         self._model = model
-        self._worth = arrival, step_cost
-        self._steps_to_end = math.nan
+        self._worth = float(arrival), float(step_cost)
+        self._end = np.full(1, math.nan)  # the step in which the task was done
         self._fires = ids_of_fires(model)
         self.found = np.zeros((count, len(model.fires)), bool)
         self._found_before = np.zeros(len(model.fires), bool)  # by robots that were removed
@@ -355,12 +427,19 @@ class FindingScore:
         """Write the rewards of the last step."""
         check_fires(self._model, self._fires)
         reward_finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
-        if math.isnan(self._steps_to_end) and self.finished:
-            self._steps_to_end = float(self._model.steps)
+        if math.isnan(self._end[0]) and self.finished:
+            self._end[0] = self._model.steps
+
+    def kernel_for(self, out: np.ndarray, finished: np.ndarray) -> Kernel | None:
+        """Return what `reward` does, as long as there are the same fires."""
+        if ids_of_fires(self._model) != self._fires:
+            return None
+        fire, found = self._model.swarm.columns["fire"], (self.found, self._found_before)
+        return make_kernel(reward_finders, FindingArrays(fire, *self._worth, *found, self._end, finished, out))
 
     def measures(self) -> dict[str, float]:
         """Return the share of fires found, and the steps until all were, NaN before that."""
-        return {"fires found": float(self._any_found().mean()), "steps until all found": self._steps_to_end}
+        return {"fires found": float(self._any_found().mean()), "steps until all found": float(self._end[0])}
 
 
 class ExtinguishingScore:
@@ -368,8 +447,8 @@ class ExtinguishingScore:
 
     def __init__(self, model: SwarmModel, count: int, *, put_out: float, work: float, step_cost: float) -> None:
         self._model = model
-        self._worth = put_out, work, step_cost
-        self._steps_to_end = math.nan
+        self._worth = float(put_out), float(work), float(step_cost)
+        self._end = np.full(1, math.nan)  # the step in which the task was done
         self._fires = ids_of_fires(model)
         self._fought = np.full(count, -1)
 
@@ -382,13 +461,21 @@ class ExtinguishingScore:
         """Forget what removed robots fought: those behind them move up."""
         self._fought = np.delete(self._fought, rows)
 
+    def kernel_for(self, out: np.ndarray, finished: np.ndarray) -> Kernel | None:
+        """Return what `reward` does, as long as there are the same fires."""
+        if ids_of_fires(self._model) != self._fires:
+            return None
+        columns = self._model.swarm.columns["fire"], self._model.fires.columns["out"]
+        arrays = ExtinguishingArrays(*columns, *self._worth, self._fought, self._end, finished, out)
+        return make_kernel(reward_extinguishers, arrays)
+
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         check_fires(self._model, self._fires)
         out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
         reward_extinguishing(fire, out_now, *self._worth, self._fought, out)
-        if math.isnan(self._steps_to_end) and self.finished:
-            self._steps_to_end = float(self._model.steps)
+        if math.isnan(self._end[0]) and self.finished:
+            self._end[0] = self._model.steps
 
     def measures(self) -> dict[str, float]:
         """Return the share of fires out, 1 or 0 for the largest, and the steps until all were out, NaN before that."""
@@ -397,7 +484,7 @@ class ExtinguishingScore:
         return {
             "fires out": float(fires["out"].mean()),
             "largest fire out": float(largest),
-            "steps until all out": self._steps_to_end,
+            "steps until all out": float(self._end[0]),
         }
 
 
@@ -415,6 +502,27 @@ def check_fires(model: SwarmModel, ids: tuple[int, ...]) -> None:
         )
 
 
+class TallyArrays(NamedTuple):
+    """What `tally_step` takes."""
+
+    command: RealRows
+    max_speed: Reals
+    collided: Flags
+    position: RealRows
+    bounds: tuple[float, float, float, float]
+    visited: FlagRows
+    fresh: Reals
+    sums: RealRows
+
+
+@compiled(nogil=True)
+def tally_robots(block, step, first, last):
+    """Add a step to the sums of `EpisodeTally`."""
+    t = unpack(block, TallyArrays)
+    tally_step(t.command, t.max_speed, t.collided, t.position, t.bounds, t.visited, t.fresh, t.sums)
+    return 0
+
+
 @compiled
 def tally_step(command, max_speed, collided, position, bounds, visited, fresh, sums):
     """Add a step to the sums of `EpisodeTally`, write which robots are first in a cell, and mark it as visited."""
@@ -430,6 +538,24 @@ def tally_step(command, max_speed, collided, position, bounds, visited, fresh, s
         visited[row, column] = True
 
 
+class DrivingArrays(NamedTuple):
+    """What `reward_driving` takes."""
+
+    command: RealRows
+    max_speed: Reals
+    collided: Flags
+    collision_cost: float
+    reward: Reals
+
+
+@compiled(nogil=True)
+def reward_drivers(block, step, first, last):
+    """Write the rewards of `DrivingScore`."""
+    d = unpack(block, DrivingArrays)
+    reward_driving(d.command, d.max_speed, d.collided, d.collision_cost, d.reward)
+    return 0
+
+
 @compiled
 def reward_driving(command, max_speed, collided, collision_cost, reward):
     """Write (left + right) / (2 max_speed) - collision_cost if the robot collided."""
@@ -438,6 +564,27 @@ def reward_driving(command, max_speed, collided, collision_cost, reward):
         reward[i] = forward / max_speed[i] if max_speed[i] > 0.0 else 0.0
         if collided[i]:
             reward[i] -= collision_cost
+
+
+class NearnessArrays(NamedTuple):
+    """What `reward_nearness` takes."""
+
+    distance: RealRows
+    design: Integers
+    ranges: RealRows
+    command: RealRows
+    max_speed: Reals
+    kind: int
+    critical: float
+    reward: Reals
+
+
+@compiled(nogil=True)
+def reward_readings(block, step, first, last):
+    """Write the rewards of `ThesisScore`."""
+    r = unpack(block, NearnessArrays)
+    reward_nearness(r.distance, r.design, r.ranges, r.command, r.max_speed, r.kind, r.critical, r.reward)
+    return 0
 
 
 @compiled
@@ -452,6 +599,39 @@ def reward_nearness(distance, design, ranges, command, max_speed, kind, critical
         reward[i] = rewarded(kind, nearest, command[i, 0] / speed, command[i, 1] / speed, critical)
 
 
+class FindingArrays(NamedTuple):
+    """What `reward_finding` takes; which fires removed robots have found, the step of the end, and the flag of it."""
+
+    fire: Integers
+    arrival: float
+    step_cost: float
+    found: FlagRows
+    found_before: Flags
+    end: Reals
+    finished: Flags
+    reward: Reals
+
+
+@compiled(nogil=True)
+def reward_finders(block, step, first, last):
+    """Write the rewards of `FindingScore`, and whether each fire was found."""
+    f = unpack(block, FindingArrays)
+    found, finished = f.found, True
+    reward_finding(f.fire, f.arrival, f.step_cost, found, f.reward)
+    for k in range(found.shape[1]):
+        finished = finished and (f.found_before[k] or np.any(found[:, k]))
+    note_end(finished, step, f.end, f.finished)
+    return 0
+
+
+@compiled
+def note_end(is_finished, step, end, finished):
+    """Note whether the task is done, and in which step it was for the first time."""
+    finished[0] = is_finished
+    if is_finished and math.isnan(end[0]):
+        end[0] = step
+
+
 @compiled
 def reward_finding(fire, arrival, step_cost, found, reward):
     """Write -step_cost, and `arrival` more at a fire that is new to the robot; note that it is found."""
@@ -460,6 +640,29 @@ def reward_finding(fire, arrival, step_cost, found, reward):
         if fire[i] >= 0 and not found[i, fire[i]]:
             found[i, fire[i]] = True
             reward[i] += arrival
+
+
+class ExtinguishingArrays(NamedTuple):
+    """What `reward_extinguishing` takes, the step of the end, and the flag of it."""
+
+    fire: Integers
+    out: Flags
+    put_out: float
+    work: float
+    step_cost: float
+    fought: Integers
+    end: Reals
+    finished: Flags
+    reward: Reals
+
+
+@compiled(nogil=True)
+def reward_extinguishers(block, step, first, last):
+    """Write the rewards of `ExtinguishingScore`, and whether all fires are out."""
+    e = unpack(block, ExtinguishingArrays)
+    reward_extinguishing(e.fire, e.out, e.put_out, e.work, e.step_cost, e.fought, e.reward)
+    note_end(np.all(e.out), step, e.end, e.finished)
+    return 0
 
 
 @compiled

@@ -1,7 +1,7 @@
 """One world of a task for one episode, and the layer through which a learner drives robots."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,11 +10,15 @@ from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError,
 from mesa_swarm.base.streams import Seed
 from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import Senses, kernel_with
 from mesa_swarm.control.team import Key
 from mesa_swarm.environments.actions import shares
 from mesa_swarm.environments.scores import MESSAGE, EpisodeTally, TeamEncoder, cells_in_reach
 from mesa_swarm.environments.task import Task
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import Integers, RealRows
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.swarm_model import SwarmModel
@@ -158,9 +162,35 @@ class Commanded:
             outbox[: self.count] = self.sends[:, first : first + width].reshape(self.count, *outbox.shape[1:])
             first += width
 
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
+        """Return what `decide` does, where robots are commanded no more than their wheels."""
+        if self._actuators or self._messages or len(layer) < self.count:
+            return None
+        return kernel_with(command_robots, CommandArrays(self.wheels, command, layer, index))
+
     def reason(self, moment: Moment) -> Reason:
         """Return that the decision came from outside."""
         return Reason("it was commanded from outside")
+
+
+class CommandArrays(NamedTuple):
+    """What `command_robots` takes: the commands from outside, the columns command and layer, and the layer's index."""
+
+    wheels: RealRows
+    command: RealRows
+    layer: Integers
+    index: int
+
+
+@compiled(nogil=True)
+def command_robots(block, step, first, last):
+    """Command the wheels of the first robots from outside."""
+    c = unpack(block, CommandArrays)
+    wheels, command, layer, index = c.wheels, c.command, c.layer, c.index
+    for i in range(wheels.shape[0]):
+        command[i, 0], command[i, 1] = wheels[i, 0], wheels[i, 1]
+        layer[i] = index
+    return 0
 
 
 class TaskWorld(SwarmModel):
@@ -256,7 +286,7 @@ class TaskWorld(SwarmModel):
         """
         roster = self.roster()
         if not self._tally.steps:
-            self._start_positions = self.swarm.position[: roster.remaining(self.rewarded)].copy()
+            self.note_start()
         if shares is not None and self._commands is not None:
             present_shares = shares if roster.complete else shares[roster.numbers[: self._commands.count]]
             self._command(self._commands, present_shares)
@@ -268,6 +298,10 @@ class TaskWorld(SwarmModel):
             self._reward(present_rewards)
         if present_rewards is not reward:
             roster.spread(present_rewards, reward)
+
+    def note_start(self) -> None:
+        """Note where the rewarded robots begin the episode, from where they can reach the cells of the coverage."""
+        self._start_positions = self.swarm.position[: self._roster.remaining(self.rewarded)].copy()
 
     def _reward(self, reward: np.ndarray) -> None:
         """Read the sensors, and write the rewards of the rewarded robots that are there."""

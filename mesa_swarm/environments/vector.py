@@ -10,12 +10,16 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
 from mesa_swarm.environments.actions import checked_clip, shares
+from mesa_swarm.environments.driven_worlds import DrivenWorld, StepArrays
 from mesa_swarm.environments.scores import TeamEncoder
 from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Conditions, Options, Variation, checked_options
 from mesa_swarm.geometry.masked_arrays import fill_masked
+from mesa_swarm.kernels.plan import BEGUN
+from mesa_swarm.model.worlds import call_worlds
+from mesa_swarm.physics.threads import check_threads
 
 if TYPE_CHECKING:  # optional
     from gymnasium.spaces import Box
@@ -53,6 +57,9 @@ class VectorSwarmEnv:
         which the actions for that world do nothing, the first ones of the new episode, with rewards of 0; "Disabled":
         as far as the end the same, and then `reset` has to begin the next episode by its `mask`. The episodes
         themselves are the same in all modes.
+    threads : int, optional
+        How many threads share the worlds, 1 to 256; by default the number in the environment variable
+        MESA_SWARM_THREADS, or 1. The numbers are the same for any number of threads.
 
     Attributes
     ----------
@@ -85,6 +92,7 @@ class VectorSwarmEnv:
         commanded: int | None = None,
         clip: bool = False,
         autoreset_mode: Any = SAME_STEP,
+        threads: int | None = None,
     ) -> None:
         if not isinstance(task, Task):
             raise InvalidValueError(f"task is {shortened(task)}; expected a task such as CollisionAvoidance()")
@@ -99,6 +107,7 @@ class VectorSwarmEnv:
         widths = np.array(observer.widths if isinstance(observer, TeamEncoder) else [self.width] * self.commanded)
         self.observed = np.arange(self.width) < widths[: self.commanded, None]
         self.observed.flags.writeable = False
+        self.threads = check_threads(threads)
         self.worlds: list[TaskWorld] = []
         self.conditions: list[Conditions] = []
         self.present = np.zeros((self.n_worlds, self.commanded), bool)
@@ -106,9 +115,16 @@ class VectorSwarmEnv:
         self._over = np.zeros(self.n_worlds, bool)
         self._returns = np.zeros((self.n_worlds, self.commanded))
         self._clip = checked_clip(task.actions, clip)
+        self._arrays = StepArrays.of(self.n_worlds, self.commanded, task.numbers, self.width)
+        self._driven: list[DrivenWorld | None] = []
+        self._is_ready = np.zeros(self.n_worlds, bool)
         self._states: StateEncoder | None = None
         self._space: Box | None = None
         self._generators = [np.random.default_rng() for _ in range(self.n_worlds)]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what refers to arrays: a copy prepares its worlds anew."""
+        return {**self.__dict__, "_driven": []}
 
     def reset(
         self,
@@ -172,28 +188,46 @@ class VectorSwarmEnv:
         """
         self._check_running()
         commands = shares(self.task.actions, actions, (self.n_worlds, self.commanded), self._clip, self.task.numbers)
-        reward = np.zeros((self.n_worlds, self.commanded))
-        collided = np.zeros((self.n_worlds, self.commanded), bool)
-        observations = np.zeros((self.n_worlds, self.commanded, self.width), np.float32)
-        is_new, present = self._over.copy(), self.present
+        arrays, is_new, present = self._arrays, self._over.copy(), self.present
+        arrays.shares[:] = commands
+        arrays.reward[is_new], arrays.collided[is_new] = 0.0, False
         for w in np.flatnonzero(is_new).tolist():
-            self._renew(w, observations[w])
-        # All that is of one world at once, while its arrays are in the processor's cache.
-        for w, world in enumerate(self.worlds):
-            if not is_new[w]:
-                k = world.commanded
-                world.advance(commands[w, :k], reward[w, :k])
-                world.observe(observations[w, :k])
-                world.roster().spread(world.swarm.columns["collided"], collided[w, :k])
+            self._renew(w, arrays.observations[w])
+        self._take_step(is_new)
+        observations, reward, collided = arrays.observations.copy(), arrays.reward.copy(), arrays.collided.copy()
         self._note_begun(is_new)
         self._returns += reward
-        terminated = np.array([world.finished for world in self.worlds]) & ~is_new
-        truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated & ~is_new
+        terminated = arrays.finished & ~is_new
+        truncated = arrays.late & ~terminated & ~is_new
         infos: Infos = {"collided": collided, **self._find_removed(present & ~is_new[:, None])}
         if terminated.any() or truncated.any():
             infos |= self._end(terminated | truncated, observations)
         infos["present"] = self.present
         return observations, reward, terminated, truncated, infos
+
+    def _take_step(self, is_new: np.ndarray) -> None:
+        """Take a step in each world that has not just begun: of all that can be in one compiled call."""
+        together = self._is_ready & ~is_new
+        if together.any():
+            self._drive([driven for driven, is_driven in zip(self._driven, together, strict=True) if is_driven])
+        arrays = self._arrays
+        # All that is of one world at once, while its arrays are in the processor's cache.
+        for w in np.flatnonzero(~(together | is_new)).tolist():
+            world = self.worlds[w]
+            k = world.commanded
+            world.advance(arrays.shares[w, :k], arrays.reward[w, :k])
+            world.observe(arrays.observations[w, :k])
+            world.roster().spread(world.swarm.columns["collided"], arrays.collided[w, :k])
+            arrays.finished[w], arrays.late[w] = world.finished, world.out_of_time
+
+    def _drive(self, together: list[Any]) -> None:
+        """Take a step of worlds in one compiled call."""
+        blocks = np.array([driven.numbers for driven in together])
+        orders = np.array([driven.begin_step() for driven in together], np.int64)
+        call_worlds(blocks, orders, self.threads, lambda row, code: together[row].attend(code))
+        for driven in together:
+            driven.end_step()
+        self._arrays.late[[driven.row for driven in together]] = orders[:, BEGUN] + 1 >= self.task.max_steps
 
     def _check_running(self) -> None:
         """Refuse a step of worlds without an episode."""
@@ -204,8 +238,14 @@ class VectorSwarmEnv:
                 f"the episode of world {self._over.argmax()} is over; before step() call reset(mask=...), with "
                 'Gymnasium reset(options={"reset_mask": ...}), of the worlds whose episodes are over'
             )
-        for world in self.worlds:
-            world.roster()  # refuses robots that were added, before any world advances
+        self._driven += [None] * (self.n_worlds - len(self._driven))
+        for w, world in enumerate(self.worlds):
+            driven = self._driven[w]
+            if driven is None or driven.world is not world:
+                driven = self._driven[w] = DrivenWorld(world, self._arrays, w)
+            self._is_ready[w] = driven.is_ready()
+            if not self._is_ready[w]:
+                world.roster()  # refuses robots that were added, before any world advances
 
     def state(self) -> np.ndarray:
         """Return the states of all worlds for a central critic, float32, shape (worlds, numbers); see `StateEncoder`.
@@ -274,7 +314,7 @@ class VectorSwarmEnv:
 
     def _find_removed(self, before: np.ndarray) -> Infos:
         """Return which robots of those before have been removed, if any."""
-        if all(world.roster().complete for world in self.worlds):
+        if all(self.worlds[w].roster().complete for w in np.flatnonzero(~self._is_ready).tolist()):
             return {}
         self._note_present()
         absent = before & ~self.present

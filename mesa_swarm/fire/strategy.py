@@ -90,7 +90,7 @@ def fight(block, step, first, last):
         sensor = nearest_seen(distance[i], robots.kind[i])
         if fire < 0 and sensor < 0 and not (hot and robots.heat[i] > 0.0):
             continue
-        layer[i] = robots.index
+        layer[i] = robots.place
         speed, d = robots.max_speed[i], robots.design[i]
         if hot or fire >= 0:
             robots.task[i] = FIGHTS
@@ -204,7 +204,7 @@ def seek_heat(block, step, first, last):
             ):
                 best = q
         if best >= 0:
-            layer[i] = robots.index
+            layer[i] = robots.place
             speed, radius = robots.max_speed[i], robots.radius[i]
             command[i, 0], command[i, 1] = approach(bearing[d, best], rule.critical_angle, speed, radius)
     return 0

@@ -5,7 +5,9 @@ once; a compiled function that is given its array takes them out at the cost of 
 are those that a class, a `typing.NamedTuple`, declares; see `type_names.declared_type`.
 """
 
+from ctypes import addressof, c_char
 from functools import partial
+from struct import Struct
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -17,6 +19,9 @@ from numba.np.arrayobj import populate_array
 from mesa_swarm.kernels.type_names import Integers, declared_type, name_type
 
 NUMBER = np.dtype(np.int64)
+# To ask NumPy for the address of an array takes several times as long.
+NO_BYTES = c_char * 0
+pack_real, unpack_number = Struct("=d").pack, Struct("=q").unpack
 # Of functions that can be called by their addresses: a block, a step, the first row and one past the last.
 SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
 
@@ -53,9 +58,7 @@ class Block:
     __slots__ = ("_values", "numbers")
 
     def __init__(self, values: Any) -> None:
-        actual_type, declared_name = name_type(typeof(values)), name_type(declared_type(type(values)))
-        if actual_type != declared_name:
-            raise TypeError(f"a block got {actual_type}; expected {declared_name}")
+        check_types(values)
         self._values = values
         self.numbers = np.array(_numbers_of(values), NUMBER)
 
@@ -76,14 +79,45 @@ def pack(values: Any) -> np.ndarray:
     return np.array(_numbers_of(values), NUMBER)
 
 
-def _numbers_of(value: Any) -> list[int]:
-    if value is None:
-        return []
-    if isinstance(value, tuple):
-        return [number for part in value for number in _numbers_of(part)]
+# Kinds of arguments that were compared with what their class declares: to ask Numba takes as long as all else.
+CHECKED: set[Any] = set()
+
+
+def check_types(values: Any) -> None:
+    """Refuse arguments of other types than their class declares."""
+    kind = _kind_of(values)
+    if kind in CHECKED:
+        return
+    actual_type, declared_name = name_type(typeof(values)), name_type(declared_type(type(values)))
+    if actual_type != declared_name:
+        raise TypeError(f"a block got {actual_type}; expected {declared_name}")
+    CHECKED.add(kind)
+
+
+def _kind_of(value: Any) -> Any:
+    """Return what is the same for values of the same type to Numba."""
     if isinstance(value, np.ndarray):
-        return [value.ctypes.data, *value.shape]
-    return [int(np.float64(value).view(NUMBER)) if isinstance(value, float) else int(value)]
+        return value.dtype, value.ndim, value.flags.num
+    return (type(value), *map(_kind_of, value)) if isinstance(value, tuple) else type(value)
+
+
+def _numbers_of(values: Any) -> list[int]:
+    numbers: list[int] = []
+    _put_numbers(values, numbers)
+    return numbers
+
+
+def _put_numbers(value: Any, numbers: list[int]) -> None:
+    if isinstance(value, np.ndarray):
+        numbers.append(addressof(NO_BYTES.from_buffer(value)))
+        numbers += value.shape
+    elif isinstance(value, tuple):
+        for part in value:
+            _put_numbers(part, numbers)
+    elif isinstance(value, float):
+        numbers += unpack_number(pack_real(value))
+    elif value is not None:
+        numbers.append(int(value))
 
 
 @intrinsic

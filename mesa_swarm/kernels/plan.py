@@ -12,6 +12,8 @@ from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers
 
 # Places in the progress of a driver: steps taken, and the kernel that is next; the one place of a flag.
 TAKEN, NEXT, ONLY = 0, 1, 0
+# Columns of a row of orders: how many steps, the other arguments of `drive_steps`, and whether a world begins.
+STEPS, COMPLETED, BEGUN, ROWS, BEGINS = 0, 1, 2, 3, 4
 # The column of a row of calls with every how many steps it is due, after the numbers of a `KernelCall`.
 EVERY = 3
 
@@ -187,3 +189,18 @@ def drive_steps(block, steps, completed, begun, rows):
         place = 0
         progress[TAKEN], progress[NEXT] = taken + 1, 0
     return 0
+
+
+@compiled(nogil=True)
+def drive_worlds(blocks, orders, codes, first, last):
+    """Take steps of worlds, of each as `drive_steps` does, and write the code with which each has ended.
+
+    A row a world, for rows `first` to `last`: of `blocks` the numbers of its driver, of `orders` the other arguments,
+    and whether it begins and forgets what was taken before.
+    """
+    for w in range(first, last):
+        order = orders[w]
+        if order[BEGINS]:
+            d = unpack(blocks[w], DriveArrays)
+            d.progress[TAKEN], d.progress[NEXT], d.stop[ONLY] = 0, 0, False
+        codes[w] = drive_steps(blocks[w], order[STEPS], order[COMPLETED], order[BEGUN], order[ROWS])

@@ -1,4 +1,4 @@
-"""Numba's compiler without work that changes nothing, while it compiles functions of the package: a tenth of its time."""
+"""Numba without work that changes nothing, while it compiles functions of the package: a tenth of its time."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -12,6 +12,7 @@ from numba import types
 Reals = Annotated[np.ndarray, "float64[1C]"]
 RealRows = Annotated[np.ndarray, "float64[2C]"]
 RealTables = Annotated[np.ndarray, "float64[3C]"]
+SingleRows = Annotated[np.ndarray, "float32[2C]"]
 Integers = Annotated[np.ndarray, "int64[1C]"]
 IntegerRows = Annotated[np.ndarray, "int64[2C]"]
 IntegerTables = Annotated[np.ndarray, "int64[3C]"]

@@ -219,13 +219,14 @@ class LearnFires(TableLayer[SkillPolicy]):
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "SkillRule"]:
         """Return what learns and chooses."""
         names = "values", "situation", "skill", "last", "before", "kept", "lessons", "gain", "temperature"
-        rule = (
+        rule: Any = (
             (float(self.arrival), float(self.put_out), float(self.step_cost)),
             (float(self.alpha), float(self.gamma), float(self.beta), float(self.last_temperature)),
             int(self.hold),
             (bool(self.shared), bool(self.frozen)),
         )
-        return learn_skills, SkillRule(robots, self._lesson(), *map(self._column, names), *rule)
+        memory: Any = map(self._column, names)
+        return learn_skills, SkillRule(robots, self._lesson(), *memory, *rule)
 
     def reason(self, moment: Moment) -> Reason:
         """Return the situation, and the skill if its column was stored."""
@@ -308,7 +309,7 @@ def learn_skills(block, step, first_row, last_row):
                 skill[i], robots.distance, kind, robots.bearing, robots.forward, i, robots.design[i], fire[i] >= 0,
                 robots.tendency[i], robots.max_speed[i], robots.radius[i],
             )  # fmt: skip
-            layer[i] = robots.index
+            layer[i] = robots.place
     return end_lesson(rule.lesson, -1)  # means of rewards do not diverge
 
 

@@ -206,16 +206,20 @@ class LearnFireWheels(NetworkLayer[FireWheelPolicy]):
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "WheelRule"]:
         """Return what learns and chooses."""
         _, inputs, hidden = self._weights[0].shape
-        scratch = np.empty((1, inputs)), np.empty(hidden), np.empty(NETWORKS)
-        rule = (
+        rule: Any = (
+            ranges_of(senses.sensors),
+            self._weights,
+            *map(self._column, REMEMBERED),
             tuple(float(getattr(self, name)) for name in (*SHAPING, "margin")),
             (float(self.gamma), float(self.eta), float(self.beta), float(self.last_temperature)),
             int(self.hold),
             float(self.full_heat),
             bool(self.frozen),
+            np.empty((1, inputs)),
+            np.empty(hidden),
+            np.empty(NETWORKS),
         )
-        memory = ranges_of(senses.sensors), self._weights, *map(self._column, REMEMBERED)
-        return learn_wheels, WheelRule(robots, self._lesson(), *memory, *rule, *scratch)
+        return learn_wheels, WheelRule(robots, self._lesson(), *rule)
 
     def reason(self, moment: Moment) -> Reason:
         """Return the chosen action."""
@@ -307,7 +311,7 @@ def learn_wheels(block, step, first_row, last_row):
         if not frozen:
             boltzmann[i] -= beta * (boltzmann[i] - coolest)
         if layer[i] < 0:
-            drive_by_action(action[i], i, robots.max_speed, robots.command, layer, robots.index)
+            drive_by_action(action[i], i, robots.max_speed, robots.command, layer, robots.place)
         else:
             action[i] = -1
     return end_lesson(rule.lesson, diverged)

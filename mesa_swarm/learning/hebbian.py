@@ -161,11 +161,16 @@ class HebbianLearning(RewardedLayer[ReflexPolicy]):
 
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "HebbianRule"]:
         """Return what learns and drives."""
-        learned = map(self._column, ("weights", "constant", "command", "reward", "lessons"))
-        paying, inputs = (REWARDS.index(self.reward), float(self.critical)), np.empty(senses.distance.shape[1])
-        rates = float(self.eta), float(self.forgetting), float(self.limit)
-        rule = paying, rates, float(self.contact), bool(self.frozen)
-        return associate, HebbianRule(robots, self._lesson(), ranges_of(senses.sensors), inputs, *learned, *rule)
+        rule: Any = (
+            ranges_of(senses.sensors),
+            np.empty(senses.distance.shape[1]),
+            *map(self._column, ("weights", "constant", "command", "reward", "lessons")),
+            (REWARDS.index(self.reward), float(self.critical)),
+            (float(self.eta), float(self.forgetting), float(self.limit)),
+            float(self.contact),
+            bool(self.frozen),
+        )
+        return associate, HebbianRule(robots, self._lesson(), *rule)
 
 
 class HebbianRule(NamedTuple):
@@ -232,7 +237,7 @@ def associate(block, step, first_row, last_row):
             last[i, 1] = min(max(wheels[1] + right, -1.0), 1.0)
             robots.command[i, 0] = robots.max_speed[i] * last[i, 0]
             robots.command[i, 1] = robots.max_speed[i] * last[i, 1]
-            layer[i] = robots.index
+            layer[i] = robots.place
     return end_lesson(rule.lesson, -1)  # weights are limited
 
 

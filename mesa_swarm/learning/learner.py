@@ -27,7 +27,7 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.control.layer import CompiledLayer, Senses, columns_for, kernel_with
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import Stream, draw, stream_of
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import ENCODINGS, check_action_count, ranges_of
@@ -130,7 +130,7 @@ def begin_lesson(lesson):
         if not lesson.born[i]:
             return False
     for i in range(lesson.chance.shape[0]):
-        lesson.chance[i] = draw(lesson.stream)
+        lesson.chance[i] = draw_number(lesson.stream)
     return True
 
 
@@ -586,12 +586,15 @@ class Learner(NetworkLayer[Q], RewardedLayer[Q]):
 
     def _network_lesson(self, senses: Senses) -> "NetworkLesson":
         """Return what the functions of learners with networks take."""
-        memory = map(self._column, ("lessons", "reward", "temperature", "bumps"))
+        lessons, reward, temperature, bumps = map(self._column, ("lessons", "reward", "temperature", "bumps"))
         return NetworkLesson(
             ranges_of(senses.sensors),
             self._weights,
             self._last_inputs(),
-            *memory,
+            lessons,
+            reward,
+            temperature,
+            bumps,
             self._pace(),
             REWARDS.index(self.reward),
             (float(self.gamma), float(self._alert), float(self.critical)),

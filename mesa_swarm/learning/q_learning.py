@@ -12,7 +12,7 @@ from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choic
 from mesa_swarm.control.layer import RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import draw
+from mesa_swarm.kernels.draws import draw_number
 from mesa_swarm.kernels.type_names import IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import (
     ACTIONS,
@@ -343,9 +343,9 @@ class QLearning(Learner[QPolicy]):
         if not self.replay:
             nothing, none = np.empty((robots, 0, 0)), np.empty((robots, 0))
             return StoredPast(nothing, nothing, np.empty((robots, 0), np.int64), none, none)
-        before, after, *others = map(self._column, REPLAYED)
-        shape = (*before.shape[:2], math.prod(before.shape[2:]))
-        return StoredPast(before.reshape(shape), after.reshape(shape), *others, np.empty((robots, self.replays)))
+        before, after, action, reward = map(self._column, REPLAYED)
+        shape, chance = (*before.shape[:2], math.prod(before.shape[2:])), np.empty((robots, self.replays))
+        return StoredPast(before.reshape(shape), after.reshape(shape), action, reward, chance)
 
     def _set_apart(self) -> list[str]:
         return [*super()._set_apart(), *(("replay", "replays") if self.replay else ())]
@@ -406,7 +406,7 @@ def learn_and_choose(block, step, first_row, last_row):
     robots, networks, action, past = rule.robots, rule.networks, rule.action, rule.past
     for i in range(past.chance.shape[0]):
         for k in range(past.chance.shape[1]):
-            past.chance[i, k] = draw(rule.lesson.stream)
+            past.chance[i, k] = draw_number(rule.lesson.stream)
     distance, kind, command, layer = robots.distance, robots.kind, robots.command, robots.layer
     ranges, weights, inputs, lessons = networks.ranges, networks.weights, networks.inputs, networks.lessons
     rewards, temperature, bumps, pace = networks.rewards, networks.temperature, networks.bumps, networks.pace
@@ -443,7 +443,7 @@ def learn_and_choose(block, step, first_row, last_row):
         action[i] = -1
         if layer[i] < 0:
             action[i] = chosen(values, temperature[i], chance[i])
-            drive_by_action(action[i], i, robots.max_speed, command, layer, robots.index)
+            drive_by_action(action[i], i, robots.max_speed, command, layer, robots.place)
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
     return end_lesson(rule.lesson, diverged)

@@ -227,15 +227,18 @@ class TableQLearning(TableLayer[TablePolicy], RewardedLayer[TablePolicy]):
 
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "TableRule"]:
         """Return what learns and chooses."""
-        memory = map(self._column, ("values", "state", "action", "lessons", "nearest", "reward", "temperature"))
-        rule = (
+        names = "values", "state", "action", "lessons", "nearest", "reward", "temperature"
+        rule: Any = (
+            *map(self._column, names),
+            ranges_of(senses.sensors),
+            np.array(self.edges, float),
+            np.empty(int(self.sectors)),
             REWARDS.index(self.reward),
             (float(self.alpha), float(self.gamma), float(self.critical)),
             (float(self.beta), float(self.last_temperature)),
             (bool(self.shared), bool(self.frozen), self.reward_of == NEXT_STATE),
         )
-        states = ranges_of(senses.sensors), np.array(self.edges, float), np.empty(int(self.sectors))
-        return learn_table, TableRule(robots, self._lesson(), *memory, *states, *rule)
+        return learn_table, TableRule(robots, self._lesson(), *rule)
 
     def worth(self, row: int) -> list[tuple[str, float]]:
         """Return the name and value Q(s, a) of each action in the last state of the robot in this row."""
@@ -347,7 +350,7 @@ def learn_table(block, step, first_row, last_row):
         state[i], last[i], action[i] = now, least, -1
         if layer[i] < 0:
             action[i] = chosen(values[row, now], temperature[i], rule.lesson.chance[i])
-            drive_by_action(action[i], i, robots.max_speed, robots.command, layer, robots.index)
+            drive_by_action(action[i], i, robots.max_speed, robots.command, layer, robots.place)
     return end_lesson(rule.lesson, -1)  # means of rewards do not diverge
 
 

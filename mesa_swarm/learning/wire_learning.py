@@ -289,7 +289,7 @@ def learn_wires(robots, lesson, networks, action, errors, wires):
                 tried = ends[w, side] + temperature[i] * errors[i, side]
                 action[i, side] = min(max(tried, -1.0), 1.0)
                 command[i, side] = robots.max_speed[i] * action[i, side]
-            layer[i] = robots.index
+            layer[i] = robots.place
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
     return end_lesson(lesson, diverged)

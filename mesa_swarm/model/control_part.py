@@ -35,25 +35,19 @@ def is_frozen(layer: Any) -> bool:
 
 
 class Parameters:
-    """The attributes of an arbiter or a layer, which may be set by hand."""
+    """The attributes of an arbiter or a layer, and parameters of a rule, which may be set by hand."""
 
     def __init__(self, owner: Any) -> None:
-        self.owner, self.values = owner, _values_of(owner)
+        self.owner, self.values = owner, dict(getattr(owner, "__dict__", {}))
+        self.parameters = dict(getattr(owner, "parameters", {}))
 
     def has_changed(self) -> bool:
-        """Return whether an attribute is another object than before, of numbers and words one that is not equal."""
-        values = _values_of(self.owner)
-        return values.keys() != self.values.keys() or not all(map(is_unchanged, values.values(), self.values.values()))
-
-
-def _values_of(owner: Any) -> dict[Any, Any]:
-    """Return the attributes of an object, and each parameter of a rule."""
-    return {**vars(owner), **getattr(owner, "parameters", {})}
-
-
-def is_unchanged(value: Any, before: Any) -> bool:
-    """Return whether a value is the same object as before, or an equal number or word."""
-    return value is before or (type(value) is type(before) and isinstance(value, (int, float, str)) and value == before)
+        """Return whether an attribute or parameter is another than before."""
+        try:
+            changed = getattr(self.owner, "__dict__", {}) != self.values
+        except ValueError:  # of arrays, which are compared only where they are not the same object
+            return True
+        return changed or getattr(self.owner, "parameters", self.parameters) != self.parameters
 
 
 class ControlCache(Prepared):
@@ -327,7 +321,7 @@ class ControlPart(Part):
     def kernel(self) -> Kernel:
         """Return what decides, made anew when columns, layers or their parameters have changed."""
         cache, arbiter, channel = self.cache, cast(Any, self.arbiter), self.model._parts.radio.channel
-        state = self.swarm.version, self.swarm.regrouped, arbiter, channel
+        state = self.swarm.version, self.swarm.regrouped, Itself(arbiter), channel
         if cache.kernel is None or cache.state != state or any(owner.has_changed() for owner in cache.owners):
             cache.kernel = kernel_of_stage(
                 arbiter, self._senses(), self.swarm, self._cleared(), channel is not None, self._refuse_nan

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,30 +67,58 @@ class Driving(Prepared):
         self.arrays: dict[str, np.ndarray] = {}
 
 
+class Stretch(NamedTuple):
+    """Steps of a model that one compiled call takes: its driver, how many at most, and the numbers at its begin."""
+
+    model: Any
+    driver: Driver
+    steps: int
+    completed: int
+    begun: int
+    rows: int
+
+    def note(self, taken: int, more: int) -> None:
+        """Let the model count the steps that are taken, and 1 in a step that has begun besides."""
+        self.model.parts.set_completed(self.completed + taken)
+        set_steps(self.model, self.begun + taken + more)
+
+    @property
+    def taken(self) -> int:
+        """How many steps are taken."""
+        return int(self.driver.progress[TAKEN])
+
+    def take(self) -> None:
+        """Take the steps."""
+        self.driver.take(self.steps, self.completed, self.begun, self.rows, self.note)
+
+
 def drive_model(model: Any, steps: int, stops: Sequence[Until] = ()) -> int:
     """Take at most this many steps in one compiled call, and return how many; 0 if something in Python is due.
 
     `stops` end the run besides those of the class.
     """
+    stretch = begin_stretch(model, steps, stops)
+    if stretch is None:
+        return 0
+    stretch.take()
+    return stretch.taken
+
+
+def begin_stretch(model: Any, steps: int, stops: Sequence[Until] = ()) -> Stretch | None:
+    """Prepare a model for the next steps of one compiled call; None if something in Python is due."""
     plan, cache = model.parts.plan, model.driving
     if plan is cache.undriven or longest_stretch(model, plan, steps, stops) < FEWEST_STEPS:
-        return 0
+        return None
     model.parts.replan()  # parameters may have been set by hand since
     plan = model.parts.plan
-    stretch = longest_stretch(model, plan, steps, stops)
-    if stretch < FEWEST_STEPS:
-        return 0
+    most = longest_stretch(model, plan, steps, stops)
+    if most < FEWEST_STEPS:
+        return None
     driver = driver_of(model, plan, stops)
     completed, begun = model.completed, model.steps
     cache.ahead = begun - completed
     model.parts.bodies.begin_step()
-
-    def note(taken: int, more: int) -> None:
-        model.parts.set_completed(completed + taken)
-        set_steps(model, begun + taken + more)
-
-    driver.take(stretch, completed, begun, len(model.swarm), note)
-    return int(driver.progress[TAKEN])
+    return Stretch(model, driver, most, completed, begun, len(model.swarm))
 
 
 def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] = ()) -> int:

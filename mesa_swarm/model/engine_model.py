@@ -2,8 +2,8 @@
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -22,7 +22,7 @@ from mesa_swarm.maps.map import Map
 from mesa_swarm.model.bodies_part import BodiesPart
 from mesa_swarm.model.common import with_common
 from mesa_swarm.model.control_part import ControlPart
-from mesa_swarm.model.driving import Driving, describe_driving, drive_model, list_due_of_model, list_due_rows
+from mesa_swarm.model.driving import Driving, Stretch, begin_stretch, describe_driving, list_due_of_model, list_due_rows
 from mesa_swarm.model.events import EventLog, EventsPart
 from mesa_swarm.model.fields_part import FieldsPart
 from mesa_swarm.model.imperfections_part import ImperfectionsPart, imperfections_of
@@ -638,18 +638,29 @@ class EngineModel(MesaModel):
         >>> SwarmModel(rng=1).run(30, until=lambda model: model.steps > 4).steps
         5
         """
+        with closing(self._list_stretches(steps, progress, until)) as stretches:
+            for stretch in stretches:
+                stretch.take()
+        return self
+
+    def _list_stretches(
+        self, steps: int, progress: bool = False, until: Callable[[Self], object] | None = None
+    ) -> Generator[Stretch, None, None]:
+        """Take the steps of a run, but for stretches that this yields, each of which is to be taken before the next."""
         stops = (until,) if isinstance(until, Until) else ()
         with progress_bar(check_count("steps", steps), "steps", progress) as bar, self._observed_run():
             left = bar.total
             while left and self.running:
-                taken = drive_model(self, left, stops) if until is None or stops else 0
-                if not taken:
+                stretch = begin_stretch(self, left, stops) if until is None or stops else None
+                if stretch is None:
                     self.step()
-                left -= taken or 1
-                bar.update(taken or 1)
+                else:
+                    yield stretch
+                taken = 1 if stretch is None else stretch.taken
+                left -= taken
+                bar.update(taken)
                 if self._is_ended(until):
                     break
-        return self
 
     def _is_ended(self, until: Callable[[Self], object] | None) -> bool:
         """Return whether a run ends after this step; note if a condition of the class has ended it."""

@@ -21,7 +21,7 @@ from mesa_swarm.physics.sensing import rotate_into_frame
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling
 from mesa_swarm.robots.sensors import LARGEST_RANGE, RowsOfSensor, Sensor, begin_reading, end_reading
-from mesa_swarm.world.statics import CARRIED, FIRE, KINDS, NOTHING, ROBOT
+from mesa_swarm.world.statics import CARRIED, GOES_OUT, KINDS, NOTHING, ROBOT
 
 MOST_NEIGHBOURS = 1000
 LAMP = f"{ACT}lamp"
@@ -220,8 +220,8 @@ class NeighbourSensor(Sensor):
         }
 
     def kernel_for(self, model: Any, rows: np.ndarray, column: np.ndarray, first: int) -> Kernel | None:
-        """Return what reads for the robots in these rows, see `Sensor`; None for fires, which are not seen once out."""
-        if self.kind == KINDS[FIRE]:
+        """Return what reads for the robots in these rows, see `Sensor`; None for what is not seen once it is out."""
+        if self.kind == GOES_OUT:
             return None
         named, scene, table = dict(self.arguments(model)), model.parts.bodies.scene(), model.parts.bodies.table
         of_robots, statics, moving = self.kind == KINDS[ROBOT], scene.statics, scene.moving

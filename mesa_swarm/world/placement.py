@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -15,6 +16,8 @@ from mesa_swarm.world.shapes import Shape
 
 # A buffer is a polygon, of this many corners a quarter.
 QUARTER_SEGMENTS = 16
+# So few shapes are compared with those of worlds before.
+MOST_KNOWN_SHAPES = 200
 # Random places that are tried for each robot before a lattice is used.
 TRIES = 200
 MOST_CANDIDATES = 2_000_000
@@ -40,7 +43,16 @@ def free_places(bounds: Bounds, shapes: Sequence[Shape], radius: float) -> shape
     Among more than 2000 solid shapes, or 50,000 pairs of them that overlap, places are found only by trying: a map
     that is nearly full may then count as full.
     """
+    find_room = _find_known_room if len(shapes) <= MOST_KNOWN_SHAPES else _find_room
+    return find_room(bounds, tuple(shapes), radius)
+
+
+def _find_room(bounds: Bounds, shapes: tuple[Shape, ...], radius: float) -> shapely.Geometry | Crowded:
     return room_to_try(bounds, _solids(shapes), radius, QUARTER_SEGMENTS)
+
+
+# Worlds on the same map share their room.
+_find_known_room = lru_cache(maxsize=32)(_find_room)
 
 
 def _solids(shapes: Sequence[Shape]) -> list[tuple[shapely.Geometry, float]]:
@@ -62,7 +74,7 @@ def place_apart(
     stuck, from a triangular lattice. If they do not fit, the message states how many would on `where`, and no large
     array has been allocated.
     """
-    room = _most_that_fit(space, radius)
+    room = _most_that_fit(_outline(space), radius)
     if n > room:
         is_counted = room <= MOST_CANDIDATES
         fit = len(_pack_discs(space, radius, others, other_radius, room)) if is_counted else f"at most {room}"
@@ -180,9 +192,9 @@ def _lattice_in(space: shapely.Geometry | Crowded, radius: float, rng: np.random
     return best
 
 
-def _most_that_fit(space: shapely.Geometry | Crowded, radius: float) -> int:
+@lru_cache(maxsize=32)
+def _most_that_fit(space: shapely.Geometry, radius: float) -> int:
     """Return an upper bound: the bodies' area cannot exceed the free space grown by a radius."""
-    space = _outline(space)
     # Also of a box as wide as the robot but for rounding, which has no area to draw from.
     if not space.area:
         return 0

@@ -1,7 +1,8 @@
 """All solid bodies but the robots, as arrays for the compiled engine."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -14,6 +15,8 @@ from mesa_swarm.world.shapes import Shape
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
 # The names of these kinds; custom ones follow, as far as the code fits into a byte.
 KINDS = ("obstacle", "robot", "fire", "load")
+# The kind of what is seen as another kind once it is out.
+GOES_OUT = KINDS[FIRE]
 MOST_KINDS = 127
 # How a body moves: not at all, where it is sent, where robots push it, with the robot that carries it.
 MODES = ("fixed", "driven", "pushed", "carried")
@@ -25,6 +28,9 @@ CELLS_PER_ITEM = 4
 CELLS_PER_FEW_ITEMS, MOST_SMALL_CELLS = 40, 1_000_000
 # Many long edges in a grid of many cells would be listed billions of times.
 MOST_LISTED = 3_000_000
+# So few shapes are compared with those of worlds before.
+MOST_SHARED_SHAPES = 200
+NO_KINDS = np.empty(0, np.int8)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -85,34 +91,13 @@ class Statics:
         shapes with the indices `loads` may move by `slack` before they have to be listed anew, those with the indices
         `driven` are not listed. The last `apart` shapes are discs that have numbers of their own, and stop no radio.
         """
-        first = len(shapes) - apart
-        solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
-        edges, edge_shape, rings = _edges_of(solid, _border(bounds))
-        discs, disc_shape = _discs_of(solid)
-        shape = np.concatenate([edge_shape, disc_shape]).astype(np.int64)
-        boxes = _boxes(edges, discs)
-        boxes[np.isin(shape, loads)] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
-        still = np.flatnonzero(~np.isin(shape, driven))
-        boxes = boxes[still]
-        grid = _grid_for(boxes, bounds, sight, touch)
-        seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
-        # The border is never crossed, so contact tests its four coordinates, not its edges.
-        touched_start, touched_items = list_boxes_by_cell(boxes[4:], touch, grid.numbers)
-        body = _kinds_of(shape, codes)
-        return cls(
-            edges=edges,
-            discs=discs,
-            shape=shape,
-            owner=np.where(shape >= first, shape - first, shape),
-            kind=body.copy(),
-            body=body,
-            rings=rings,
-            bounds=np.array(bounds, dtype=float),
-            grid=grid,
-            sight_cells=CellLists(grid.numbers, seen_start, still[seen_items]),
-            touch_cells=CellLists(grid.numbers, touched_start, still[touched_items + 4]),
-            first_apart=int(np.count_nonzero(disc_shape < first)),
-        )
+        sizes = float(sight), float(touch), float(slack), apart
+        if len(loads) or len(driven) or len(shapes) > MOST_SHARED_SHAPES:
+            statics = _collect(bounds, tuple(shapes), sizes, loads, driven)
+        else:
+            statics = _collect_still(tuple(bounds), tuple(shapes), sizes)
+        body = _kinds_of(statics.shape, codes)
+        return replace(statics, kind=body.copy(), body=body)
 
     def show(self, codes: Sequence[int] | np.ndarray) -> None:
         """Let sensors see the shapes as these kinds."""
@@ -126,6 +111,48 @@ class Statics:
     def rows_of(self, index: int) -> np.ndarray:
         """Return the items of a shape."""
         return np.flatnonzero(self.shape == index)
+
+
+def _collect(
+    bounds: Bounds,
+    shapes: tuple[Shape, ...],
+    sizes: tuple[float, float, float, int],
+    loads: Sequence[int] | np.ndarray = (),
+    driven: Sequence[int] | np.ndarray = (),
+) -> Statics:
+    """Return the tables of shapes, without their kinds; `sizes` are sight, touch, slack and apart of `Statics.of`."""
+    sight, touch, slack, apart = sizes
+    first = len(shapes) - apart
+    solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
+    edges, edge_shape, rings = _edges_of(solid, _border(bounds))
+    discs, disc_shape = _discs_of(solid)
+    shape = np.concatenate([edge_shape, disc_shape]).astype(np.int64)
+    boxes = _boxes(edges, discs)
+    boxes[np.isin(shape, loads)] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
+    still = np.flatnonzero(~np.isin(shape, driven))
+    boxes = boxes[still]
+    grid = _grid_for(boxes, bounds, sight, touch)
+    seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
+    # The border is never crossed, so contact tests its four coordinates, not its edges.
+    touched_start, touched_items = list_boxes_by_cell(boxes[4:], touch, grid.numbers)
+    return Statics(
+        edges=edges,
+        discs=discs,
+        shape=shape,
+        owner=np.where(shape >= first, shape - first, shape),
+        kind=NO_KINDS,
+        body=NO_KINDS,
+        rings=rings,
+        bounds=np.array(bounds, dtype=float),
+        grid=grid,
+        sight_cells=CellLists(grid.numbers, seen_start, still[seen_items]),
+        touch_cells=CellLists(grid.numbers, touched_start, still[touched_items + 4]),
+        first_apart=int(np.count_nonzero(disc_shape < first)),
+    )
+
+
+# Worlds with the same bodies, none of which moves, share all but the kinds, which change as fires go out.
+_collect_still = lru_cache(maxsize=32)(_collect)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

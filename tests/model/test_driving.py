@@ -12,11 +12,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm import (
     AGENT9,
-    Column,
-    Part,
-    Phase,
     Previous,
-    Stage,
     SwarmModel,
     count,
     disc,
@@ -24,67 +20,13 @@ from mesa_swarm import (
     share,
     until,
     until_zero,
-    value,
 )
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import BehaviourError, InvalidValueError, UnknownNameError
 from mesa_swarm.model.driving import FEWEST_STEPS, drive_model
 from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.models.fire_fighting import FireFighting
-
-
-class Plain(SwarmModel):
-    """Robots that avoid and explore, of which every stage has a kernel, with measures of each kind."""
-
-    moving = count("command", above=0)
-
-    def __init__(self, *, n_robots=12, history_every=3, collect_every=1, rng=None):
-        reporters = {
-            "collisions now": count("collided"),
-            "left": count("tendency", above=0),
-            "driven": share("layer", equals=0),
-            "speed": mean("speed"),
-            "first temperature": value("fires.robots.temperature"),
-            "fires out": count("fires.out"),
-        }
-        super().__init__(
-            map="openspace_fire",
-            rng=rng,
-            history_every=history_every,
-            collect_every=collect_every,
-            model_reporters=reporters,
-        )
-        self.add_robots(AGENT9, n_robots)
-        self.control = Subsumption(Avoid(distance=15), Explore())
-
-
-def taken(model, steps):
-    """Return a model after single steps, as many as it runs for."""
-    for _ in range(steps):
-        if not model.running:
-            break
-        model.step()
-    return model
-
-
-def assert_same(one, other):
-    """Assert that two models are the same in everything that is stored of them."""
-    assert (one.steps, one.completed, one.running) == (other.steps, other.completed, other.running)
-    assert one.state_hash() == other.state_hash()
-    assert_same_rows(one.datacollector.model_vars, other.datacollector.model_vars)
-    assert one.datacollector._collected == other.datacollector._collected
-    assert str(one.streams.state()) == str(other.streams.state())
-    np.testing.assert_array_equal(one.fires.history.temperature, other.fires.history.temperature)
-    np.testing.assert_array_equal(one.fires.history.steps, other.fires.history.steps)
-    assert (one.collisions, one.total_collisions) == (other.collisions, other.total_collisions)
-    assert one.parts.robots.robot_steps == other.parts.robots.robot_steps
-
-
-def assert_same_rows(one, other):
-    assert one.keys() == other.keys()
-    for name, values in one.items():
-        assert list(map(type, values)) == list(map(type, other[name])), name
-        assert list(map(repr, values)) == list(map(repr, other[name])), name
+from support.driven_models import Counting, Plain, Reaching, Season, Watching, assert_same, taken
 
 
 @pytest.mark.parametrize("name", gallery_names())
@@ -152,14 +94,6 @@ def test_a_copy_in_the_middle_of_a_run_goes_on_in_the_same_way():
     assert_same(twin.run(77), model.run(77))
 
 
-class Counting(SwarmModel):
-    """A model with a step of its own."""
-
-    def step(self):
-        super().step()
-        self.state["n"] = self.state.get("n", 0) + 1
-
-
 def test_a_step_of_a_class_is_called_for_each_step_and_the_plan_names_it():
     model = Counting(rng=1)
     model.run(20)
@@ -177,43 +111,12 @@ def test_a_step_replaced_by_hand_is_called_for_each_step():
     assert "besides: model.step was replaced" in str(model.plan)
 
 
-class Watching:
-    """An observer that stores steps."""
-
-    def __init__(self):
-        self.steps = []
-
-    def after_step(self, model, step):
-        self.steps.append((step, model.completed, model.steps))
-
-
 def test_an_observer_is_called_after_each_step():
     model, observer = Plain(rng=1), Watching()
     model.observers.append(observer)
     model.run(9)
     assert observer.steps == [(step, step, step) for step in range(1, 10)]
     assert "besides: observer Watching" in str(model.plan)
-
-
-class Season(Part):
-    """A part that does something in Python every seven steps."""
-
-    name = "season"
-
-    def bind(self, context):
-        self.model = context.model
-        if not hasattr(self, "days"):
-            self.days = np.zeros(1)
-
-    def columns(self):
-        return {"days": Column(self.days)}
-
-    def stages(self):
-        return [Stage(Phase.PROCESS, self.turn, "the season turns", every=7)]
-
-    def turn(self):
-        self.days += self.model.completed
-        self.model.swarm.columns["tendency"][:] *= -1.0
 
 
 def test_what_is_due_every_seven_steps_interrupts_only_then():
@@ -264,12 +167,6 @@ class Ends(SwarmModel):
 def test_a_class_whose_condition_is_of_a_column_of_pairs_is_refused_in_one_line():
     with pytest.raises(InvalidValueError, match=r"^column position has shape \(0, 2\); expected one number a row"):
         Ends(rng=1).run(5)
-
-
-class Reaching(Plain):
-    """Ends when enough robots have collided."""
-
-    stops = until("total_collisions", at_least=5)
 
 
 def test_a_run_ends_in_the_step_in_which_a_condition_of_the_class_holds():
