@@ -109,7 +109,9 @@ def _numbers_of(values: Any) -> list[int]:
 
 def _put_numbers(value: Any, numbers: list[int]) -> None:
     if isinstance(value, np.ndarray):
-        numbers.append(addressof(NO_BYTES.from_buffer(value)))
+        # The quicker way refuses read-only arrays, such as parameters of rules.
+        is_writeable = value.flags.writeable
+        numbers.append(addressof(NO_BYTES.from_buffer(value)) if is_writeable else value.ctypes.data)
         numbers += value.shape
     elif isinstance(value, tuple):
         for part in value:
