@@ -109,9 +109,8 @@ def _numbers_of(values: Any) -> list[int]:
 
 def _put_numbers(value: Any, numbers: list[int]) -> None:
     if isinstance(value, np.ndarray):
-        # The quicker way refuses read-only arrays, such as parameters of rules.
-        is_writeable = value.flags.writeable
-        numbers.append(addressof(NO_BYTES.from_buffer(value)) if is_writeable else value.ctypes.data)
+        # Quicker than the other way, but for arrays that can be written to.
+        numbers.append(addressof(NO_BYTES.from_buffer(value)) if value.flags.writeable else value.ctypes.data)  # type: ignore[arg-type]
         numbers += value.shape
     elif isinstance(value, tuple):
         for part in value:

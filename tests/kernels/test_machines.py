@@ -63,7 +63,7 @@ def test_a_process_that_compiles_for_a_level_names_its_machine_as_those_do_that_
     ("place", "name", "value"),
     [
         (numba, "__version__", "0.1"),
-        (machines.llvmlite, "__version__", "0.1"),
+        (machines.ll, "llvm_version_info", (1, 0, 0)),
         (machines.settings, "USING_SVML", "another"),
         (machines.sysconfig, "get_config_var", lambda _: ".cpython-399-x86_64-linux-gnu.so"),
     ],
