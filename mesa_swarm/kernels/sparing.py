@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 from numba.core.codegen import JITCodeLibrary
 from numba.core.registry import cpu_target
@@ -37,7 +37,8 @@ class SparingLibrary(JITCodeLibrary):
 
 def list_values(flags: Any) -> dict[str, Any]:
     """Return all values of flags, as Numba's method does option by option; flags are compared 100,000 times."""
-    return {**_list_defaults(type(flags)), **flags._values}
+    flags_class: Any = type(flags)
+    return {**_list_defaults(flags_class), **flags._values}
 
 
 @cache
@@ -60,10 +61,10 @@ def compile_sparingly(dispatcher: Any) -> None:
 @contextmanager
 def sparing() -> Iterator[None]:
     """Let Numba make `SparingLibrary` and call `list_values` meanwhile; it compiles in one thread at a time."""
-    codegen = cpu_target.target_context.codegen()
-    former = codegen._library_class, TargetConfig.values
-    codegen._library_class, TargetConfig.values = SparingLibrary, list_values
+    codegen, flags_class = cpu_target.target_context.codegen(), cast(Any, TargetConfig)
+    former = codegen._library_class, flags_class.values
+    codegen._library_class, flags_class.values = SparingLibrary, list_values
     try:
         yield
     finally:
-        codegen._library_class, TargetConfig.values = former
+        codegen._library_class, flags_class.values = former
