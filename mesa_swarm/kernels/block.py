@@ -109,7 +109,7 @@ def _numbers_of(values: Any) -> list[int]:
 
 def _put_numbers(value: Any, numbers: list[int]) -> None:
     if isinstance(value, np.ndarray):
-        numbers.append(addressof(NO_BYTES.from_buffer(value)))
+        numbers.append(addressof(NO_BYTES.from_buffer(cast(Any, value))))
         numbers += value.shape
     elif isinstance(value, tuple):
         for part in value:
