@@ -46,12 +46,15 @@ def state_hash_of(model: Any) -> str:
     digest = blake2b(digest_size=16)
     digest.update(f"{model.completed}".encode())
     for name, part in model.parts.items():
+        columns = [(key, column.array) for key, column in sorted(part.columns().items()) if column.role in HASHED]
+        declared = part.parameters() if hasattr(part, "parameters") else part.store()
+        if not columns and declared == {}:  # a part that only derives something
+            continue
         digest.update(f"part {name};".encode())
-        for column_name, column in sorted(part.columns().items()):
-            if column.role in HASHED:
-                digest.update(f"{column_name} {column.array.shape};".encode())
-                _add_array(digest, column.array)
-        add_part(digest, part.parameters() if hasattr(part, "parameters") else part.store())
+        for column_name, array in columns:
+            digest.update(f"{column_name} {array.shape};".encode())
+            _add_array(digest, array)
+        add_part(digest, declared)
     return digest.hexdigest()
 
 

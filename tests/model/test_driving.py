@@ -295,6 +295,13 @@ def test_previous_columns_are_those_before_the_step_and_nan_for_new_robots():
     assert_same(copy.deepcopy(model).run(10), model.run(10))
 
 
+def test_a_part_that_only_derives_something_leaves_the_fingerprint_as_it_is():
+    model = Plain(rng=1).run(5)
+    before = model.state_hash()
+    model.add_part(Previous("position"))
+    assert model.state_hash() == before
+
+
 @pytest.mark.parametrize("name", ["positions", "layer"])
 def test_a_column_that_cannot_be_kept_is_refused(name):
     with pytest.raises((UnknownNameError, InvalidValueError), match=name):
