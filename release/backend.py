@@ -23,13 +23,15 @@ def choose_levels() -> str:
     return os.environ.get(LEVELS, "none" if PIP in os.environ else "all")
 
 
-def get_requires_for_build_wheel(config_settings: dict[str, Any] | None = None) -> list[str]:
+def get_requires_for_build_wheel(  # type: ignore[no-redef]
+    config_settings: dict[str, Any] | None = None,
+) -> list[str]:
     """Return what has to be installed to build a wheel: to compile, all that the package needs."""
     more = [] if choose_levels() == "none" else WheelBuilder(str(Path.cwd())).metadata.core.dependencies
     return [*requires_of_hatchling(config_settings), *more]
 
 
-def build_wheel(
+def build_wheel(  # type: ignore[no-redef]
     wheel_directory: str, config_settings: dict[str, Any] | None = None, metadata_directory: str | None = None
 ) -> str:
     """Build a wheel into a folder and return its name."""

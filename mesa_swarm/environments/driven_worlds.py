@@ -138,7 +138,7 @@ class DrivenWorld:
         observing = world._observer.kernel_for(columns, observations)  # type: ignore[union-attr]
         if rewarding is None or observing is None:
             return None
-        commanding = make_kernel(set_wheels, WheelArrays(shares, columns["max_speed"], world._commands.wheels))  # type: ignore[union-attr]
+        commanding = make_kernel(set_wheels, WheelCommandArrays(shares, columns["max_speed"], world._commands.wheels))  # type: ignore[union-attr]
         tallying = world._tally.kernel_for(columns)
         last = [make_kernel(note_collided, CollidedArrays(columns["collided"], collided)), observing]
         if world.task.coverage_reward:
@@ -187,7 +187,7 @@ class DrivenWorld:
         parts.robots.cache.state = self._reading = world._completed, self._swarm.version, parts.bodies.cache.scene
 
 
-class WheelArrays(NamedTuple):
+class WheelCommandArrays(NamedTuple):
     """What `set_wheels` takes: shares of the greatest speed, these speeds, and the wheels' commands."""
 
     shares: RealRows
@@ -198,7 +198,7 @@ class WheelArrays(NamedTuple):
 @compiled(nogil=True)
 def set_wheels(block, step, first, last):
     """Set the wheels of commanded robots."""
-    w = unpack(block, WheelArrays)
+    w = unpack(block, WheelCommandArrays)
     shares, max_speed, wheels = w.shares, w.max_speed, w.wheels
     for i in range(wheels.shape[0]):
         wheels[i, 0], wheels[i, 1] = shares[i, 0] * max_speed[i], shares[i, 1] * max_speed[i]

@@ -364,9 +364,9 @@ class DrivingScore:
         """Write the rewards of the last step."""
         reward_driving(*self._arrays(out))
 
-    def _arrays(self, out: np.ndarray) -> "DrivingArrays":
+    def _arrays(self, out: np.ndarray) -> "DriveRewardArrays":
         columns = self._model.swarm.columns
-        return DrivingArrays(columns["command"], columns["max_speed"], columns["collided"], float(self._cost), out)
+        return DriveRewardArrays(columns["command"], columns["max_speed"], columns["collided"], float(self._cost), out)
 
     def kernel_for(self, out: np.ndarray, finished: np.ndarray) -> Kernel:
         """Return what `reward` does."""
@@ -540,7 +540,7 @@ def tally_step(command, max_speed, collided, position, bounds, visited, fresh, s
         visited[row, column] = True
 
 
-class DrivingArrays(NamedTuple):
+class DriveRewardArrays(NamedTuple):
     """What `reward_driving` takes."""
 
     command: RealRows
@@ -553,7 +553,7 @@ class DrivingArrays(NamedTuple):
 @compiled(nogil=True)
 def reward_drivers(block, step, first, last):
     """Write the rewards of `DrivingScore`."""
-    d = unpack(block, DrivingArrays)
+    d = unpack(block, DriveRewardArrays)
     reward_driving(d.command, d.max_speed, d.collided, d.collision_cost, d.reward)
     return 0
 

@@ -109,8 +109,9 @@ def _numbers_of(values: Any) -> list[int]:
 
 def _put_numbers(value: Any, numbers: list[int]) -> None:
     if isinstance(value, np.ndarray):
-        is_writable = value.flags.writeable
-        numbers.append(addressof(NO_BYTES.from_buffer(cast(Any, value))) if is_writable else value.ctypes.data)
+        # Quicker than the other way, but only for arrays that can be written to.
+        quick = value.flags.writeable
+        numbers.append(addressof(NO_BYTES.from_buffer(cast(Any, value))) if quick else value.ctypes.data)
         numbers += value.shape
     elif isinstance(value, tuple):
         for part in value:

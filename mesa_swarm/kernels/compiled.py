@@ -100,6 +100,8 @@ if settings.DISABLE_JIT:
         "Numba's compiler is switched off by NUMBA_DISABLE_JIT, and mesa_swarm does not work without it; unset the "
         "variable: to go through a compiled function line by line, call its py_func"
     )
+# Addresses are those of functions themselves: the form that C would call costs time and is called by none.
+SPARED = {"no_cfunc_wrapper": True}
 # Of the name of a file.
 LONGEST_STEM = 100
 
@@ -120,8 +122,8 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False,
     """
     if function is None:
         return partial(compiled, nogil=nogil, apart=apart)
-    # Addresses are those of functions themselves: the form that C would call costs time and is called by none.
-    result: Any = njit(error_model="numpy", nogil=nogil, no_cfunc_wrapper=True)(function)
+    options: Any = {"error_model": "numpy", "nogil": nogil} | SPARED
+    result: Any = njit(**options)(function)
     compile_sparingly(result)
     if f"{function.__module__}.".startswith(f"{PACKAGE.name}."):
         FUNCTIONS.add(function)

@@ -9,8 +9,8 @@ from functools import cache
 from hashlib import blake2b
 from typing import Any
 
-import llvmlite
 import numba
+from numba.core.codegen import ll
 from numba.core.registry import cpu_target
 
 # Numba finds its settings when it is imported, where no type checker sees them.
@@ -88,7 +88,7 @@ def _name_for(processor: str, features: str) -> str:
     """Return a name of a folder: in words what a reader looks for, and a digest of all."""
     family = _describe_target()[0].partition("-")[0]
     # SVML is a library of Intel, which has to be there where it was there when the code was compiled.
-    more = llvmlite.__version__, settings.USING_SVML, features
+    more = ll.llvm_version_info, settings.USING_SVML, features
     digest = blake2b(repr(more).encode(), digest_size=5).hexdigest()
     python = sysconfig.get_config_var("EXT_SUFFIX").split(".")[1]
     return f"{python}-{family}-numba-{numba.__version__}-{processor}-{digest}"

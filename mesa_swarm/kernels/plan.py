@@ -175,7 +175,7 @@ def drive_steps(block, steps, completed, begun, rows):
     calls, progress, stop = d.calls, d.progress, d.stop
     place = progress[NEXT]
     for taken in range(progress[TAKEN], steps):
-        if stop[ONLY]:
+        if stop[ONLY] and place == 0:  # where Python has set it within a step, that one is taken to its end
             break
         while place < calls.shape[0]:
             row = calls[place]

@@ -209,6 +209,7 @@ class BodiesPart(Part):
     def _replan(self, code: int) -> None:
         """Let the scene be made anew, with the plan, before the next step: until then its tables reach far enough."""
         self.model.parts.replan()
+        self.model.driving.flag[:] = True  # so that no further step is driven by this plan
 
     def carry_along(self) -> None:
         """Put carried bodies where their robots are."""

@@ -133,7 +133,7 @@ def mean(column: str, *, empty: float = math.nan) -> ColumnMeasure:
     >>> model.run(1).datacollector.model_vars["speed"]
     [0.5]
     """
-    return ColumnMeasure(read_measure, Spec(MEAN, check_column(column), empty=check_empty(empty)))
+    return ColumnMeasure(read_measure, Spec(MEAN, check_column_name(column), empty=check_empty(empty)))
 
 
 def value(column: str, place: int = 0) -> ColumnMeasure:
@@ -146,10 +146,10 @@ def value(column: str, place: int = 0) -> ColumnMeasure:
     """
     if type(place) is not int or place < 0:
         raise InvalidValueError(f"place is {shortened(place)}; expected a whole number of at least 0")
-    return ColumnMeasure(read_measure, Spec(ELEMENT, check_column(column), place=place))
+    return ColumnMeasure(read_measure, Spec(ELEMENT, check_column_name(column), place=place))
 
 
-def check_column(column: str) -> str:
+def check_column_name(column: str) -> str:
     """Return the name of a column, which is one word or two with a full stop between them."""
     return check_name("column", column)
 
@@ -164,7 +164,7 @@ BOUNDS = ("equals", "at_least", "at_most", "above", "below")
 
 def _measure(how: int, column: str, bounds: dict[str, Any], empty: float) -> ColumnMeasure:
     low, high = interval_of(bounds)
-    return ColumnMeasure(read_measure, Spec(how, check_column(column), low, high, empty=empty))
+    return ColumnMeasure(read_measure, Spec(how, check_column_name(column), low, high, empty=empty))
 
 
 def interval_of(bounds: dict[str, Any]) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from mesa_swarm.dashboard.run.info_view import (
     Info,
     draw_equation,
     draw_listing,
+    draw_plan,
     is_built,
     play_with,
     prose,
@@ -51,8 +52,18 @@ def test_the_panel_has_a_button_for_each_preset_and_folds_the_rest(session):
     assert labels(context) == [one.label for one in info.presets]
     assert [one.children[0] for one in html(context, "small")] == [one.text for one in info.presets]
     folded = ["About this model", "How it works", "What to watch", "Equations", "Source", "Code"]
+    folded.append("What a step does, and how fast")
     assert [one.children[0] for one in html(context, "summary")] == folded
     context.close()
+
+
+def test_the_plan_of_a_step_names_what_is_python_and_what_to_declare_also_where_an_attribute_hides_it(session):
+    text = draw_plan(session.model)
+    assert "robots read their sensors" in text
+    assert "reporter alignment, a function in Python, every 10 steps" in text
+    session.model.plan = "mine"
+    assert draw_plan(session.model) == text
+    assert draw_plan(None) == ""
 
 
 def test_a_preset_sets_all_parameters_and_plays(session):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import typeof
 
-from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.block import Block, pack, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Codes, Flags, RealRows, Reals, declared_type, name_type, types_in_words
 
@@ -111,6 +111,13 @@ def test_an_array_that_cannot_be_written_to_is_refused():
 def is_none(block):
     """Return whether there is no block."""
     return unpack(block, Single) is None
+
+
+def test_a_block_of_a_read_only_array_has_its_address():
+    array = np.arange(3.0)
+    numbers = pack((array,)).tolist()
+    array.flags.writeable = False
+    assert pack((array,)).tolist() == numbers == [array.ctypes.data, 3]
 
 
 def test_instead_of_a_block_there_may_be_none():

@@ -63,7 +63,7 @@ def test_a_process_that_compiles_for_a_level_names_its_machine_as_those_do_that_
     ("place", "name", "value"),
     [
         (numba, "__version__", "0.1"),
-        (machines.llvmlite, "__version__", "0.1"),
+        (machines.ll, "llvm_version_info", (1, 0, 0)),
         (machines.settings, "USING_SVML", "another"),
         (machines.sysconfig, "get_config_var", lambda _: ".cpython-399-x86_64-linux-gnu.so"),
     ],
@@ -141,7 +141,7 @@ from mesa_swarm.kernels.compiling import compilation
 from mesa_swarm.model.gallery import find_model
 code_files.SHIPPED = Path(sys.argv[1])
 compilation.alone = True
-model = find_model("collision_avoidance")(rng=1).run(40)
+model = find_model("boids")(rng=1).run(40)
 print(model.state_hash(), len(compilation.compiled))
 """
 
@@ -157,6 +157,7 @@ def run_with(home, shipped, settings):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not list_levels(), reason="for this family of processors no code is published")
 def test_code_of_every_level_computes_the_same_bits_as_that_of_this_processor(tmp_path):
     expected, count = run_with(tmp_path / "native", tmp_path, {})
     assert count > 50
@@ -164,9 +165,10 @@ def test_code_of_every_level_computes_the_same_bits_as_that_of_this_processor(tm
         compiled_for = run_with(tmp_path / level, tmp_path, settings_for(level))
         assert compiled_for == (expected, count)
         assert run_with(tmp_path / "empty", tmp_path / level / FOLDER, {}) == (expected, 0)
-        # Where some is missing, it is compiled for this processor, and takes in what was compiled for the level.
-        for path in sorted((tmp_path / level).rglob("*.nbc"))[::2]:
-            path.unlink()
-        state_hash, missing = run_with(tmp_path / f"mixed {level}", tmp_path / level / FOLDER, {})
-        assert state_hash == expected
-        assert missing > 0
+    # Where some is missing, it is compiled for this processor, and takes in what was compiled for the level.
+    shipped = tmp_path / list_levels()[0] / FOLDER
+    for path in sorted(shipped.rglob("*.nbc"))[::2]:
+        path.unlink()
+    state_hash, missing = run_with(tmp_path / "mixed", shipped, {})
+    assert state_hash == expected
+    assert 0 < missing < count

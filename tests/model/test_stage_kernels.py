@@ -355,6 +355,19 @@ def test_python_finds_which_bodies_loads_stop_and_makes_tables_anew_when_loads_h
     assert CODES["end_ways", WORN] > 0
 
 
+def test_a_driven_run_is_that_of_single_steps_also_where_loads_go_so_far_that_tables_are_made_anew():
+    driven, stepped = pushing(), pushing()
+    for model in (driven, stepped):
+        model.remove_process(model.processes[-1])
+    scene = driven.run(1).parts.bodies.scene()
+    driven.run(119)
+    for _ in range(120):
+        stepped.step()
+    assert driven.parts.bodies.scene() is not scene
+    assert driven.state_hash() == stepped.state_hash()
+    assert driven.completed == stepped.completed == 120
+
+
 def test_a_load_that_robots_cannot_yield_to_returns_and_all_travel_again(run):
     models = [SwarmModel(map=Map(bounds=(0, 0, 400, 300)), rng=1) for _ in range(2)]
     for model in models:

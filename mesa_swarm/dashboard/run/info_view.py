@@ -15,6 +15,7 @@ from reacton import ipyvuetify as rv
 
 from mesa_swarm.dashboard.page.session import Session, checked_setting
 from mesa_swarm.dashboard.page.widgets import Button
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.info import Equation, Listing, ModelInfo, Preset, model_info
 from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.play_loop import use_changes
@@ -51,6 +52,18 @@ def Explained(session: Session, about: ModelInfo) -> None:
         if text:
             Folded(title, text).key(f"{about.name} {title}")
     Code(about).key(f"{about.name} code")
+    StepPlan(session).key(f"{about.name} plan")
+
+
+@solara.component
+def StepPlan(session: Session) -> None:
+    """Show the plan of a step, what of it is Python, and what to declare instead, once it is opened."""
+    is_open, open_ = solara.use_state(False)
+    with rv.Html(tag="details", class_="swarm-more") as details:
+        rv.Html(tag="summary", children=["What a step does, and how fast"])
+        if is_open:
+            Fixed(draw_plan(session.model))
+    rv.use_event(details, "toggle", lambda *_: open_(True))
 
 
 @solara.component
@@ -144,6 +157,14 @@ def draw_listing(listing: Listing) -> str:
     name = f'aria-label="code of {escape(listing.name)}"'
     box = f'<div class="swarm-code" {SCROLLED} {name}><pre>{code}</pre></div>'
     return f"<details><summary>{head}</summary>{box}</details>"
+
+
+def draw_plan(model: Any) -> str:
+    """Return the plan of a model's step as HTML."""
+    if model is None:
+        return ""
+    plan = EngineModel.plan.function(model)  # which an attribute of a user's may hide
+    return f'<div class="swarm-code" {SCROLLED} aria-label="plan of a step"><pre>{escape(str(plan))}</pre></div>'
 
 
 def _drivers(session: Session) -> tuple:
