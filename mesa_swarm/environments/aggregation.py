@@ -133,7 +133,7 @@ class ClusterArrays(NamedTuple):
     collision_cost: float
     sizes: Integers
     largest: Reals
-    count: Integers
+    steps: Integers
     reward: Reals
 
 
@@ -141,7 +141,7 @@ class ClusterArrays(NamedTuple):
 def reward_clusters(block, step, first, last):
     """Write the rewards of `AggregationScore`; return 1 if there is no room for another step's share."""
     c = unpack(block, ClusterArrays)
-    sizes, largest, count, reward = c.sizes, c.largest, c.count, c.reward
+    sizes, largest, count, reward = c.sizes, c.largest, c.steps, c.reward
     n = sizes.shape[0]
     if count[0] == largest.shape[0]:
         return 1

@@ -138,7 +138,8 @@ class ObservationEncoder:
         """Return what writes the observations of the first robots, where these are of readings and heat only."""
         if self._home or self._messages:
             return None
-        return make_kernel(observe_robots, ObserveArrays(*OBSERVED(columns), *self._about(), out))
+        readings: tuple[Any, ...] = OBSERVED(columns)
+        return make_kernel(observe_robots, ObserveArrays(*readings, *self._about(), out))
 
     def _write_heard(self, columns: dict[str, np.ndarray], rows: slice, out: np.ndarray) -> None:
         away = columns["heard.range"][rows, 0] / self._message_range
@@ -306,7 +307,8 @@ class EpisodeTally:
         self.steps += 1
 
     def _arrays(self, columns: dict[str, np.ndarray]) -> "TallyArrays":
-        return TallyArrays(*TALLIED(columns), self._bounds, self.visited, self.fresh, self.sums)
+        last: tuple[Any, ...] = TALLIED(columns)
+        return TallyArrays(*last, self._bounds, self.visited, self.fresh, self.sums)
 
     def kernel_for(self, columns: dict[str, np.ndarray]) -> Kernel:
         """Return what `add` does, but for counting the steps."""

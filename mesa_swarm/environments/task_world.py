@@ -174,22 +174,22 @@ class Commanded:
 
 
 class CommandArrays(NamedTuple):
-    """What `command_robots` takes: the commands from outside, the columns command and layer, and the layer's index."""
+    """What `command_robots` takes: the commands from outside, the columns command and layer, and the layer's place."""
 
     wheels: RealRows
     command: RealRows
     layer: Integers
-    index: int
+    place: int
 
 
 @compiled(nogil=True)
 def command_robots(block, step, first, last):
     """Command the wheels of the first robots from outside."""
     c = unpack(block, CommandArrays)
-    wheels, command, layer, index = c.wheels, c.command, c.layer, c.index
+    wheels, command, layer, place = c.wheels, c.command, c.layer, c.place
     for i in range(wheels.shape[0]):
         command[i, 0], command[i, 1] = wheels[i, 0], wheels[i, 1]
-        layer[i] = index
+        layer[i] = place
     return 0
 
 

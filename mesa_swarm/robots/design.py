@@ -254,6 +254,11 @@ MOUNT_X, MOUNT_Y, AXIS_X, AXIS_Y, COS_HALF, SIN_HALF, RANGE, RAYS, HALF = range(
 PROBABILITY, MAGNITUDE, HOLD, PERIOD = range(4)
 
 
+# Tables by the identities of their designs, which they keep alive, so that no other can have one of these.
+TABLES: dict[tuple[int, ...], "DesignTable"] = {}
+MOST_TABLES = 100
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignTable:
     """Designs stacked into arrays, padded to the largest number of sensors.
@@ -329,7 +334,17 @@ class DesignTable:
 
     @classmethod
     def of(cls, designs: Sequence[RobotDesign]) -> "DesignTable":
-        """Stack these designs."""
+        """Stack these designs; worlds whose robots have the very same designs share a table, which is only read."""
+        key = tuple(map(id, designs))
+        table = TABLES.get(key)
+        if table is None:
+            if len(TABLES) >= MOST_TABLES:
+                TABLES.clear()
+            table = TABLES[key] = cls._stack(designs)
+        return table
+
+    @classmethod
+    def _stack(cls, designs: Sequence[RobotDesign]) -> "DesignTable":
         proximity = _stack_devices([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
         # Rows of padding have a range below 0, and no mount.
         is_sensor = proximity[..., RANGE] >= 0.0

@@ -44,7 +44,7 @@ def free_places(bounds: Bounds, shapes: Sequence[Shape], radius: float) -> shape
     that is nearly full may then count as full.
     """
     find_room = _find_known_room if len(shapes) <= MOST_KNOWN_SHAPES else _find_room
-    return find_room(bounds, tuple(shapes), radius)
+    return find_room(bounds, tuple(shapes), float(radius))
 
 
 def _find_room(bounds: Bounds, shapes: tuple[Shape, ...], radius: float) -> shapely.Geometry | Crowded:
@@ -74,7 +74,7 @@ def place_apart(
     stuck, from a triangular lattice. If they do not fit, the message states how many would on `where`, and no large
     array has been allocated.
     """
-    room = _most_that_fit(_outline(space), radius)
+    room = _most_that_fit(_outline(space), float(radius))
     if n > room:
         is_counted = room <= MOST_CANDIDATES
         fit = len(_pack_discs(space, radius, others, other_radius, room)) if is_counted else f"at most {room}"
