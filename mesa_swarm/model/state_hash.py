@@ -48,8 +48,8 @@ def state_hash_of(model: Any) -> str:
     for name, part in model.parts.items():
         columns = [(key, column.array) for key, column in sorted(part.columns().items()) if column.role in HASHED]
         declared = part.parameters() if hasattr(part, "parameters") else part.store()
-        if not columns and declared == {}:  # a part that only derives something
-            continue
+        if not columns and declared == {} and any(part is added for added in model.parts.added()):
+            continue  # it only derives something
         digest.update(f"part {name};".encode())
         for column_name, array in columns:
             digest.update(f"{column_name} {array.shape};".encode())
