@@ -8,8 +8,8 @@ import ctypes
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
 from numba import types
+from numba.core.cgutils import ir
 from numba.extending import intrinsic
 
 from mesa_swarm.kernels.compiled import compiled

@@ -42,7 +42,7 @@ class Plan(NamedTuple):
     sense    robots  robots read their sensors               compiled: sense_robots
     move     robots  robots move, and contacts are resolved  compiled: travel_pieces; Python: no robots
     collect  robots  collisions are counted                  compiled: count_collided
-    one step at a time: what is Python is due in each
+    driven: up to 1000 steps in one compiled call
     """
 
     stages: tuple[tuple[str, Stage], ...]

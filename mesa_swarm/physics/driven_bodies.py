@@ -30,6 +30,9 @@ CELLS_PER_ITEM = 4
 # Codes of kernels: there are no robots; loads have strayed so far that the tables of bodies have to be made anew.
 DONE, ALONE, WORN = 0, 1, 2
 
+# The place in an array of one number.
+ONLY = 0
+
 
 class MovingItems(NamedTuple):
     """The edges of bodies in their own frames, and the rows of `Statics` and the bodies of all edges and discs."""
@@ -212,8 +215,8 @@ class Moving:
 def begin_ways(block, step, first, last):
     """Forget what bodies did in the last step, and note where they are; without robots Python lets them go."""
     b = unpack(block, BeginArrays)
-    if b.gone[0]:
-        b.gone[0] = False
+    if b.gone[ONLY]:
+        b.gone[ONLY] = False
         return DONE
     b.pushers[:], b.moved[:] = 0, False
     if not b.driven:
@@ -236,8 +239,8 @@ def end_ways(block, step, first, last):
     copy_places(position, b.aim)
     for k in range(heading.shape[0]):
         b.aim_heading[k] = heading[k]
-    if not b.noted[0] and have_strayed(position, heading, b.loads, b.reference, b.load_reach, b.slack):
-        b.noted[0] = True
+    if not b.noted[ONLY] and have_strayed(position, heading, b.loads, b.reference, b.load_reach, b.slack):
+        b.noted[ONLY] = True
         return WORN
     return DONE
 
@@ -264,9 +267,9 @@ def place_bodies(block, edges, discs):
 def list_seen(block, edges, discs):
     """List the items of all bodies by the cells from which they can be seen, unless they are listed."""
     movers = unpack(block, MoverArrays)
-    if not movers.listed[0]:
+    if not movers.listed[ONLY]:
         list_items(edges, discs, movers.items, movers.sight, movers.sight_cells)
-        movers.listed[0] = True
+        movers.listed[ONLY] = True
 
 
 @compiled
@@ -406,7 +409,7 @@ def follow_bodies(movers, edges, discs):
     """Write and list the items of all bodies where these are now, from where they can be touched."""
     place_items(movers.position, movers.heading, movers.outlines, edges, discs)
     list_items(edges, discs, movers.items, movers.touch, movers.touch_cells)
-    movers.listed[0] = False
+    movers.listed[ONLY] = False
 
 
 @compiled

@@ -392,6 +392,7 @@ class CompiledEngine(Engine):
 def wheels_of_swarm(swarm: Swarm, driven: np.ndarray, stream: Generator | None) -> WheelArrays:
     """Return how the wheels of a swarm of built-in drives roll; for `driven` and `stream` see `Engine.move`."""
     columns, table, none = swarm.columns, swarm.table, np.empty((0, 0))
+    probability, magnitude = table.slip
     return WheelArrays(
         command=columns["command"],
         design=columns["design"],
@@ -402,8 +403,8 @@ def wheels_of_swarm(swarm: Swarm, driven: np.ndarray, stream: Generator | None) 
         kinds=np.array([KINDS_OF_DRIVES[type(design.drive)] for design in swarm.designs], np.int64),
         acceleration=table.acceleration,
         sideways=table.sideways,
-        probability=table.slip[0],
-        magnitude=table.slip[1],
+        probability=probability,
+        magnitude=magnitude,
         directed=table.directed,
         limited=table.limited,
         slips=stream is not None,

@@ -12,7 +12,7 @@ from mesa_swarm.base.errors import InvalidValueError, RecordingError, UnknownNam
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.fire import FireConstants
-from mesa_swarm.model.processes import ProcessesPart
+from mesa_swarm.model.robots_part import RobotsPart
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, record
@@ -209,14 +209,15 @@ def test_ctrl_c_while_a_chunk_is_written_neither_loses_nor_doubles_a_row(tmp_pat
 def test_ctrl_c_closes_the_recording_of_a_run(tmp_path, monkeypatch):
     model = small()
     recorder = model.record(tmp_path / "run.arrow")
-    advance = ProcessesPart.advance
+    move = RobotsPart.move
 
     def interrupted(part):
         if model.steps == 8:
             raise KeyboardInterrupt
-        advance(part)
+        move(part)
 
-    monkeypatch.setattr(ProcessesPart, "advance", interrupted)
+    monkeypatch.setattr(RobotsPart, "move", interrupted)
+    model.parts.replan()
     with pytest.raises(KeyboardInterrupt):
         model.run(20)
     assert recorder.closed
