@@ -139,7 +139,7 @@ class ObservationEncoder:
         if self._home or self._messages:
             return None
         readings: tuple[Any, ...] = OBSERVED(columns)
-        return make_kernel(observe_robots, ObserveArrays(*readings, *self._about(), out))
+        return make_kernel(observe_robots, ObserveArrays(*readings, *self._about(), out))  # type: ignore[call-arg]
 
     def _write_heard(self, columns: dict[str, np.ndarray], rows: slice, out: np.ndarray) -> None:
         away = columns["heard.range"][rows, 0] / self._message_range
@@ -308,7 +308,7 @@ class EpisodeTally:
 
     def _arrays(self, columns: dict[str, np.ndarray]) -> "TallyArrays":
         last: tuple[Any, ...] = TALLIED(columns)
-        return TallyArrays(*last, self._bounds, self.visited, self.fresh, self.sums)
+        return TallyArrays(*last, self._bounds, self.visited, self.fresh, self.sums)  # type: ignore[call-arg]
 
     def kernel_for(self, columns: dict[str, np.ndarray]) -> Kernel:
         """Return what `add` does, but for counting the steps."""

@@ -40,7 +40,7 @@ class Plan(NamedTuple):
     >>> print(EngineModel(rng=1).plan)
     phase    part    what                                    how
     sense    robots  robots read their sensors               compiled: sense_robots
-    move     robots  robots move, and contacts are resolved  compiled: travel_pieces; Python: no robots
+    move     robots  robots move, and contacts are resolved  compiled: move_robots
     collect  robots  collisions are counted                  compiled: count_collided
     driven: up to 1000 steps in one compiled call
     """
