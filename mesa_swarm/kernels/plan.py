@@ -10,8 +10,8 @@ from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel, Part, Phase, Stage
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers
 
-# Places in the progress of a driver: steps taken, and the kernel that is next; the one place of a flag.
-TAKEN, NEXT, ONLY = 0, 1, 0
+# Places in the progress of a driver: steps taken, the kernel that is next, the code that it has returned; of a flag.
+TAKEN, NEXT, CODE, ONLY = 0, 1, 2, 0
 # Columns of a row of orders: how many steps, the other arguments of `drive_steps`, and whether a world begins.
 STEPS, COMPLETED, BEGUN, ROWS, BEGINS = 0, 1, 2, 3, 4
 # The column of a row of calls with every how many steps it is due, after the numbers of a `KernelCall`.
@@ -115,15 +115,16 @@ class Driver:
 
     Attributes
     ----------
-    progress : int64 ndarray, shape (2,)
-        How many steps of this call are taken, and which kernel is next in the step that is not.
+    progress : int64 ndarray, shape (3,)
+        How many steps of this call are taken, which kernel is next in the step that is not, and its code, 0 if it waits
+        for nothing.
     numbers : int64 ndarray
         The numbers of its block, for `drive_worlds`.
     """
 
     def __init__(self, kernels: Sequence[tuple[Kernel, int]], stop: np.ndarray) -> None:
         self._kernels = [kernel for kernel, _ in kernels]
-        self._stop, self.progress = stop, np.zeros(2, np.int64)
+        self._stop, self.progress = stop, np.zeros(3, np.int64)
         rows = [
             (*Block(KernelCall(code_address(kernel.function), kernel.block)).numbers, every)
             for kernel, every in kernels
@@ -160,12 +161,26 @@ class Driver:
         """
         self.begin()
         try:
-            while code := drive_steps(self.numbers, steps, completed, begun, rows):
-                note(int(self.progress[TAKEN]), 1)
-                self.attend(code)
-            note(int(self.progress[TAKEN]), 0)
+            self._go_on(steps, completed, begun, rows, note)
+        except KeyboardInterrupt:  # raised when the compiled call is over: a step that has begun is taken to its end
+            if self.progress[CODE]:
+                self._attend_and_go_on(int(self.progress[TAKEN]) + 1, completed, begun, rows, note)
+            raise
         finally:
+            note(int(self.progress[TAKEN]), int(self.progress[CODE] != 0))
             self.finish()
+
+    def _go_on(self, steps: int, completed: int, begun: int, rows: int, note: Callable[[int, int], None]) -> None:
+        while drive_steps(self.numbers, steps, completed, begun, rows):
+            self._attend(note)
+
+    def _attend_and_go_on(self, steps: int, *numbers: Any) -> None:
+        self._attend(numbers[-1])
+        self._go_on(steps, *numbers)
+
+    def _attend(self, note: Callable[[int, int], None]) -> None:
+        note(int(self.progress[TAKEN]), 1)
+        self.attend(int(self.progress[CODE]))
 
 
 @compiled(nogil=True)
@@ -183,11 +198,12 @@ def drive_steps(block, steps, completed, begun, rows):
                 call = unpack(row, KernelCall)
                 code = call_at(call.address, call.block, begun + taken + 1, 0, rows)
                 if code != 0:
-                    progress[TAKEN], progress[NEXT] = taken, place
+                    progress[TAKEN], progress[NEXT], progress[CODE] = taken, place, code
                     return code
             place += 1
         place = 0
         progress[TAKEN], progress[NEXT] = taken + 1, 0
+    progress[CODE] = 0
     return 0
 
 

@@ -153,6 +153,8 @@ def list_due_of_model(model: Any, stops: Sequence[Until] = ()) -> Iterator[Due]:
             yield Due(f"{kind.__name__}.step, a method in Python; declare stops, measures, parts or processes instead")
     if not is_stepped_by_itself(model):
         yield Due("model.step was replaced")
+    if model.steps != model.completed:
+        yield Due("a step failed before, so that more were begun than completed")
     if has_own_events(model):
         yield Due("events scheduled by Mesa")
     for observer in model.observers:

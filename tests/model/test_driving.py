@@ -23,6 +23,7 @@ from mesa_swarm import (
 )
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import BehaviourError, InvalidValueError, UnknownNameError
+from mesa_swarm.kernels import plan
 from mesa_swarm.model.driving import FEWEST_STEPS, drive_model
 from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -86,6 +87,46 @@ def test_parameters_set_by_hand_between_runs_count():
         model.collect_every = 6
         run(model, 40)
     assert_same(one, other)
+
+
+@pytest.mark.parametrize("interrupted", [1, 2, 3])
+def test_ctrl_c_during_a_compiled_call_loses_no_step_and_takes_none_twice(interrupted, monkeypatch):
+    def make():
+        model = Plain(rng=1, n_robots=20)
+        model.run(10)
+        model.robots[0].position = model.robots[1].position  # for which Python is needed within a step
+        return model
+
+    calls, compiled_call = [], plan.drive_steps
+
+    def interrupt(*arguments):
+        code = compiled_call(*arguments)
+        calls.append(code)
+        if len(calls) == interrupted:
+            raise KeyboardInterrupt
+        return code
+
+    model, twin = make(), make()
+    with monkeypatch.context() as patched:
+        patched.setattr(plan, "drive_steps", interrupt)
+        try:
+            model.run(60)
+        except KeyboardInterrupt:
+            assert len(calls) >= interrupted
+    assert model.steps == model.completed > 10
+    assert_same(model, taken(twin, model.completed - 10))
+    assert_same(model.run(30), taken(twin, 30))
+
+
+def test_after_a_step_that_failed_steps_are_taken_one_by_one_and_the_plan_says_so():
+    model = Plain(rng=1)
+    speed = model.swarm.columns["max_speed"][1]
+    model.swarm.columns["max_speed"][1] = math.nan
+    with pytest.raises(BehaviourError):
+        model.run(10)
+    model.swarm.columns["max_speed"][1] = speed
+    assert drive_model(model, 10) == 0
+    assert "besides: a step failed before" in str(model.plan)
 
 
 def test_a_copy_in_the_middle_of_a_run_goes_on_in_the_same_way():
