@@ -164,7 +164,8 @@ class ProcessRule(Process):
             is_added = part in model.parts.added()
             for name, (array, *_) in part.columns().items():
                 free = is_added or name in CHANGEABLE or (part_name == "control" and "." in name)
-                key = name if part_name == "robots" or name in model.swarm.columns else f"{part_name}.{name}"
+                is_of_swarm = part_name == "robots" or model.swarm.columns.get(name) is array
+                key = name if is_of_swarm else f"{part_name}.{name}"
                 columns[key.replace(".", "_")] = array if free else lock_array(array)
         return columns
 

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, process
+from mesa_swarm import AGENT9, Previous, SwarmModel, process
 from mesa_swarm.base.errors import UncompiledBehaviourWarning
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import BehaviourError, InvalidValueError, UnknownNameError
@@ -145,6 +145,22 @@ def test_wrong_declarations_are_refused_in_one_line(make, error, line):
     with pytest.raises(error, match=line) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+@process(memory={"way": 0.0})
+def measure_way(position, previous_position, way):
+    for i in range(position.shape[0]):
+        way[0] += abs(position[i, 0] - previous_position[i, 0])
+
+
+def test_a_column_of_a_part_that_has_the_name_of_one_of_the_swarm_is_another_one():
+    model = SwarmModel(rng=1)
+    (robot,) = model.add_robots(AGENT9, poses=[(100, 300, 0.0)])
+    model.control = Subsumption(Explore())
+    model.add_part(Previous("position"))
+    way = model.add_process(measure_way)
+    model.run(10)
+    assert way.way == robot.position[0] - 100.0 == 10.0
 
 
 def test_a_parameter_that_is_no_column_is_refused_when_the_process_is_added():
