@@ -159,15 +159,18 @@ class ProcessRule(Process):
 
     def columns_of(self, model: Any) -> dict[str, np.ndarray]:
         """Return the columns of a model by names with underscores; those that a process may not change are locked."""
-        columns = {}
+        of_swarm = model.swarm.columns
+        columns = {
+            name: array if name in CHANGEABLE or name[:1].isdigit() else lock_array(array)
+            for name, array in of_swarm.items()
+        }
+        arrays_of_swarm = {id(array) for array in of_swarm.values()}
         for part_name, part in model.parts.items():
-            is_added = part in model.parts.added()
+            is_added = any(part is added for added in model.parts.added())
             for name, (array, *_) in part.columns().items():
-                free = is_added or name in CHANGEABLE or (part_name == "control" and "." in name)
-                is_of_swarm = part_name == "robots" or model.swarm.columns.get(name) is array
-                key = name if is_of_swarm else f"{part_name}.{name}"
-                columns[key.replace(".", "_")] = array if free else lock_array(array)
-        return columns
+                if id(array) not in arrays_of_swarm:
+                    columns[f"{part_name}.{name}"] = array if is_added else lock_array(array)
+        return {name.replace(".", "_"): array for name, array in columns.items()}
 
     def kernel_for(self, model: Any) -> Kernel | None:
         """Return the function with its arrays as a kernel, None if Numba refuses it."""

@@ -163,6 +163,15 @@ def test_a_column_of_a_part_that_has_the_name_of_one_of_the_swarm_is_another_one
     assert way.way == robot.position[0] - 100.0 == 10.0
 
 
+def test_the_temperature_that_a_process_changes_is_that_of_robots():
+    model = world(warm(amount=2))
+    bodies = model.parts.bodies.table.temperature.copy()
+    model.remove_process(model.processes[0])  # what burns
+    model.run(3)
+    assert (model.swarm.temperature == 6.0).all()
+    np.testing.assert_array_equal(model.parts.bodies.table.temperature, bodies)
+
+
 def test_a_parameter_that_is_no_column_is_refused_when_the_process_is_added():
     @process
     def cool(temprature):
