@@ -123,7 +123,7 @@ class Driver:
     """
 
     def __init__(self, kernels: Sequence[tuple[Kernel, int]], stop: np.ndarray) -> None:
-        self._kernels = [kernel for kernel, _ in kernels]
+        self._kernels, self._every = [kernel for kernel, _ in kernels], [every for _, every in kernels]
         self._stop, self.progress = stop, np.zeros(3, np.int64)
         rows = [
             (*Block(KernelCall(code_address(kernel.function), kernel.block)).numbers, every)
@@ -134,8 +134,8 @@ class Driver:
         self.numbers = self._block.numbers
 
     def is_of(self, kernels: Sequence[tuple[Kernel, int]]) -> bool:
-        """Return whether it has these kernels."""
-        return len(kernels) == len(self._kernels) and all(
+        """Return whether it has these kernels, due in the same steps."""
+        return self._every == [every for _, every in kernels] and all(
             kernel is mine for (kernel, _), mine in zip(kernels, self._kernels, strict=True)
         )
 
@@ -162,9 +162,8 @@ class Driver:
         self.begin()
         try:
             self._go_on(steps, completed, begun, rows, note)
-        except KeyboardInterrupt:  # raised when the compiled call is over: a step that has begun is taken to its end
-            if self.progress[CODE]:
-                self._attend_and_go_on(int(self.progress[TAKEN]) + 1, completed, begun, rows, note)
+        except KeyboardInterrupt:  # raised when the compiled call is over
+            self.finish_step(completed, begun, rows, note)
             raise
         finally:
             note(int(self.progress[TAKEN]), int(self.progress[CODE] != 0))
@@ -174,9 +173,12 @@ class Driver:
         while drive_steps(self.numbers, steps, completed, begun, rows):
             self._attend(note)
 
-    def _attend_and_go_on(self, steps: int, *numbers: Any) -> None:
-        self._attend(numbers[-1])
-        self._go_on(steps, *numbers)
+    def finish_step(self, completed: int, begun: int, rows: int, note: Callable[[int, int], None]) -> None:
+        """Take the step to its end in which a kernel waits for Python, if there is one."""
+        if self.progress[CODE]:
+            steps = int(self.progress[TAKEN]) + 1
+            self._attend(note)
+            self._go_on(steps, completed, begun, rows, note)
 
     def _attend(self, note: Callable[[int, int], None]) -> None:
         note(int(self.progress[TAKEN]), 1)

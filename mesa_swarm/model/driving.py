@@ -3,13 +3,16 @@
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from functools import partial
+from inspect import getattr_static
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm.kernels.part import Kernel, Prepared
 from mesa_swarm.kernels.plan import TAKEN, Driver, Plan
-from mesa_swarm.model.measures import MeasuredRows, Until, array_of, measure_of
+from mesa_swarm.model.measures import ColumnMeasure, MeasuredRows, Until, array_of, measure_of
 from mesa_swarm.model.mesa_model import Collector, has_own_events, is_stepped_by_itself, set_steps
 from mesa_swarm.model.reporters import Held
 
@@ -89,7 +92,25 @@ class Stretch(NamedTuple):
 
     def take(self) -> None:
         """Take the steps."""
-        self.driver.take(self.steps, self.completed, self.begun, self.rows, self.note)
+        try:
+            self.driver.take(self.steps, self.completed, self.begun, self.rows, self.note)
+        except BaseException:
+            self.model.parts.robots.forget_readings()
+            raise
+        finally:
+            self.settle()
+
+    def finish_step(self) -> None:
+        """Take a step to its end that an interrupt has left within it."""
+        self.driver.finish_step(self.completed, self.begun, self.rows, self.note)
+
+    def settle(self) -> None:
+        """Let the model stop running where a condition of its class has ended the steps."""
+        flag = self.model.driving.flag
+        if flag[0]:
+            flag[0] = False
+            if self.model.conditions:
+                self.model._check_stops()
 
 
 def drive_model(model: Any, steps: int, stops: Sequence[Until] = ()) -> int:
@@ -148,11 +169,13 @@ def list_due(model: Any, plan: Plan, stops: Sequence[Until] = ()) -> Iterator[Du
 
 def list_due_of_model(model: Any, stops: Sequence[Until] = ()) -> Iterator[Due]:
     """Iterate over what besides stages and rows is due in each step: methods of classes, observers, conditions."""
-    for kind in type(model).__mro__:
-        if "step" in vars(kind) and hasattr(kind, "completed") and kind.__module__ != ENGINE_MODEL:
+    for kind in takewhile(lambda kind: kind.__module__ != ENGINE_MODEL, type(model).__mro__):
+        if "step" in vars(kind):
             yield Due(f"{kind.__name__}.step, a method in Python; declare stops, measures, parts or processes instead")
     if not is_stepped_by_itself(model):
         yield Due("model.step was replaced")
+    if isinstance(getattr_static(type(model), "running", None), property):
+        yield Due("running is a property in Python; declare stops")
     if model.steps != model.completed:
         yield Due("a step failed before, so that more were begun than completed")
     if has_own_events(model):
@@ -160,7 +183,7 @@ def list_due_of_model(model: Any, stops: Sequence[Until] = ()) -> Iterator[Due]:
     for observer in model.observers:
         yield Due(f"observer {type(observer).__name__}")
     for condition in (*type(model).conditions, *stops):
-        if measure_of(model, condition.of) is None:
+        if measure_in_place(model, condition.of) is None:
             cure = "declare it by count, share, mean or value"
             yield Due(f"stops by {condition.of}, a property in Python; {cure}", condition.every)
 
@@ -179,9 +202,21 @@ def list_due_rows(model: Any) -> Iterator[Due]:
         held = held_of(reporter)
         if held is not None and held.trigger.every > 1:
             yield HeldDue(name, held, every)
-        elif measure_of(model, reporter) is None:
+        elif measure_in_place(model, reporter) is None:
             cure = "declare it by count, share, mean or value, or hold it"
             yield Due(f"reporter {name}, a function in Python; {cure}", every)
+
+
+def measure_in_place(model: Any, reporter: Any) -> ColumnMeasure | None:
+    """Return the measure that a reporter is, if compiled code can read its column as it is now."""
+    measure = measure_of(model, reporter)
+    if measure is None:
+        return None
+    try:
+        flags = array_of(model, measure.spec.column).flags
+    except UnknownNameError:  # of a part that may be added later
+        return None
+    return measure if flags.c_contiguous and flags.writeable else None
 
 
 def held_of(reporter: Any) -> Held | None:
@@ -209,7 +244,7 @@ def kernels_of_rows(model: Any) -> list[tuple[Kernel, int]]:
     if not model.collect_every:
         return []
     cache, collector = model.driving, model.datacollector
-    measures = {name: measure_of(model, reporter) for name, reporter in collector.model_reporters.items()}
+    measures = {name: measure_in_place(model, reporter) for name, reporter in collector.model_reporters.items()}
     declared = {name: measure for name, measure in measures.items() if measure is not None}
     # Arrays are kept by the kernel that was made of them, so that no other can have the address of one of them.
     key = (collector, *((name, id(array_of(model, m.spec.column)), m.spec) for name, m in declared.items()))
@@ -232,7 +267,7 @@ def kernels_of_stops(model: Any, stops: Sequence[Until]) -> list[tuple[Kernel, i
     """Return the kernels that set the flag where the run is to end."""
     cache, key = model.driving, []
     for condition in (*type(model).conditions, *stops):
-        measure = measure_of(model, condition.of)
+        measure = measure_in_place(model, condition.of)
         if measure is not None:
             key.append((condition, id(array_of(model, measure.spec.column))))
     if cache.stops_key != key:

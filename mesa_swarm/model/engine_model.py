@@ -4,6 +4,7 @@ import os
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from inspect import getattr_static
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -33,6 +34,7 @@ from mesa_swarm.model.parameters import Dial, Noise, Slip
 from mesa_swarm.model.parts import AnyPart, Parts, delegate
 from mesa_swarm.model.processes import Process, ProcessesPart
 from mesa_swarm.model.radio_part import RadioPart
+from mesa_swarm.model.reporters import copy_held
 from mesa_swarm.model.robots_part import RobotsPart
 from mesa_swarm.model.state import State, StatePart
 from mesa_swarm.model.state_hash import state_hash_of
@@ -113,8 +115,9 @@ class EngineModel(MesaModel):
     def __init_subclass__(cls, shows_all: bool = False, **keywords: Any) -> None:
         """Let the constructor of the class take the parameters that every model takes."""
         super().__init_subclass__(**keywords)
-        if "stops" in vars(cls) and not isinstance(vars(cls)["stops"], METHODS):  # else it is something of a user's
-            cls.conditions = check_stops(cls.stops)
+        declared = getattr_static(cls, "stops")
+        if not isinstance(declared, METHODS):  # else it is something of a user's
+            cls.conditions = check_stops(declared)
         # A class of several bases may inherit its constructor from one and a default of these parameters from another.
         if "__init__" in cls.__dict__ or len(cls.__bases__) > 1:
             cls.__init__ = with_common(cls, shows_all)  # type: ignore[method-assign]
@@ -158,7 +161,8 @@ class EngineModel(MesaModel):
         for name, reporters in (("model_reporters", model_reporters), ("agent_reporters", agent_reporters)):
             if reporters is not None and not isinstance(reporters, Mapping):
                 raise InvalidValueError(f"{name} is {shortened(reporters)}; expected a dict of reporters by name")
-        self.datacollector = Collector({**REPORTERS, **(model_reporters or {})}, agent_reporters)
+        reporters = {name: copy_held(reporter) for name, reporter in (model_reporters or {}).items()}
+        self.datacollector = Collector({**REPORTERS, **reporters}, agent_reporters)
         get_next_id(self)  # from here on the model has its counter
         self._own = frozenset({*self.__dict__, *LATE, "_own", "_common", "scenario", GIVEN} - of_user)
         if type(self).conditions:
@@ -663,12 +667,10 @@ class EngineModel(MesaModel):
                     break
 
     def _is_ended(self, until: Callable[[Self], object] | None) -> bool:
-        """Return whether a run ends after this step; note if a condition of the class has ended it."""
-        if self.driving.flag[0]:
-            self.driving.flag[0] = False
-            if any(condition(self) for condition in self.conditions):
-                self._end_run()
-        return until is not None and bool(until(self))
+        """Return whether a run ends after this step."""
+        if until is None or (isinstance(until, Until) and self._completed % until.every):
+            return False
+        return bool(until(self))
 
     def _collect(self) -> None:
         if self._collect_every.is_due(self._completed):
@@ -691,6 +693,9 @@ class EngineModel(MesaModel):
         if type(collector) is not Collector:
             rows.before, rows.is_due = rows_in(collector), False
         self.parts.bodies.begin_step()
+
+    def _fail_step(self) -> None:
+        self.parts.robots.forget_readings()  # which were those of the step that failed
 
     def _end_step(self) -> None:
         if self._rows.before is not None:

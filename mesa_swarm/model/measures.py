@@ -253,7 +253,7 @@ def read_measure(spec: Spec, model: Any) -> float | int:
     """Return the number that a measure is now."""
     array = array_of(model, spec.column)
     number = measure_rows(array, spec.how, spec.low, spec.high, spec.place, spec.empty)
-    return int(number) if is_whole_number(spec, array) else number
+    return int(number) if is_whole_number(spec, array) and not math.isnan(number) else number
 
 
 def is_whole_number(spec: Spec, array: np.ndarray) -> bool:
@@ -300,6 +300,17 @@ def kernel_of_measure(spec: Spec, model: Any, out: np.ndarray, slot: int) -> Ker
     return Kernel(function, block.numbers, block)
 
 
+def as_numbers(column: np.ndarray, whole: bool) -> list[float | int]:
+    """Return numbers as Python's, whole ones but NaN as such.
+
+    Examples
+    --------
+    >>> as_numbers(np.array([1.0, np.nan]), True)
+    [1, nan]
+    """
+    return [int(number) if whole and not math.isnan(number) else number for number in column.tolist()]
+
+
 class MeasuredRows:
     """MeasuredRows of measures that a compiled call of many steps writes.
 
@@ -331,10 +342,7 @@ class MeasuredRows:
             return
         self._count[ONLY] = 0
         columns = self._table[:count].T
-        values = [
-            (column.astype(np.int64) if whole else column).tolist()
-            for column, whole in zip(columns, self._whole, strict=True)
-        ]
+        values = [as_numbers(column, whole) for column, whole in zip(columns, self._whole, strict=True)]
         self._take(self._steps[:count].tolist(), dict(zip(self._names, values, strict=True)))
 
 

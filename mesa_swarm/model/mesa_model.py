@@ -95,6 +95,7 @@ class MesaModel(mesa.Model):
                 observer.between_steps(self)
         except BaseException:
             _schedule_again(self)
+            self._fail_step()
             for observer in observers.complete:
                 observer.after_failure(self)
             raise
@@ -112,6 +113,9 @@ class MesaModel(mesa.Model):
 
     def _begin_step(self) -> None:
         """Prepare for a step, before the model's own class does anything of it."""
+
+    def _fail_step(self) -> None:
+        """Notice that a step has failed."""
 
     def _end_step(self) -> None:
         """Complete a step, after the model's own class has done all of it."""

@@ -48,7 +48,7 @@ class Previous(Part):
 
     def bind(self, context: Context) -> None:
         """Take the swarm, and its columns as they are, unless there are copies already."""
-        self.swarm = context.model.swarm
+        self.swarm, self.replan = context.model.swarm, context.model.parts.replan
         for name in self.names:
             if name not in self.swarm.columns:
                 raise UnknownNameError(unknown_name("column", name, self.swarm.columns))
@@ -63,6 +63,7 @@ class Previous(Part):
     def replace(self, name: str, array: np.ndarray) -> None:
         """Have another array as a copy."""
         self.values = {**self.values, name: array}
+        self.replan()
 
     def store(self) -> dict:
         """Return nothing: which columns are copied follows from the part."""

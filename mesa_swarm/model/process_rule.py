@@ -55,7 +55,7 @@ class ProcessRule(Process):
     def __init__(
         self, function: FunctionType, numbers: Mapping[str, float], memory: Mapping[str, np.ndarray], every: int
     ) -> None:
-        self.function, self.numbers, self.every = function, dict(numbers), every
+        self.function, self.numbers, self._every = function, dict(numbers), every
         self.memory = {name: array.copy() for name, array in memory.items()}
         self.__name__, self.__doc__ = function.__name__, function.__doc__
 
@@ -101,6 +101,18 @@ class ProcessRule(Process):
         self.numbers = dict(state["numbers"])
         for name, array in state["memory"].items():
             self.memory[name][:] = array
+
+    @property
+    def every(self) -> int:
+        """Steps from one time to the next."""
+        return self._every
+
+    @every.setter
+    def every(self, every: int) -> None:
+        raise InvalidValueError(
+            f"every of process {self.__name__} stays {self._every}; remove it from the model and add one with "
+            f"process(every={shortened(every)})"
+        )
 
     @property
     def takes_place_every(self) -> int:
@@ -214,7 +226,7 @@ def rule_of_process(source: Any, numbers: dict, memory: dict, every: int) -> Pro
 
 def _identity(value: Any) -> Any:
     if not isinstance(value, np.ndarray):
-        return value
+        return type(value), repr(value)
     return value.ctypes.data, value.shape, value.dtype.str, value.flags.writeable
 
 

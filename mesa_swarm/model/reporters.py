@@ -1,6 +1,7 @@
 """Reporters for Mesa's DataCollector: of what changes slowly, and of events."""
 
 from functools import partial
+from typing import Any
 
 from mesa import Model
 
@@ -57,6 +58,17 @@ def held(*names: str, every: int | Trigger = 10) -> dict[str, partial]:
     """
     # Mesa hands the model to functions and partials only; a partial can be pickled with the model.
     return {name: partial(Held(name, every)) for name in names}
+
+
+def copy_held(reporter: Any) -> Any:
+    """Return a reporter that holds values as another one, with none yet; any other as it is.
+
+    Each model has its own: one that is shared would give a model the values of another.
+    """
+    held = getattr(reporter, "func", None)
+    if isinstance(reporter, partial) and isinstance(held, Held):
+        return partial(Held(held.name, held.trigger), *reporter.args, **reporter.keywords)
+    return reporter
 
 
 def event_count(name: str) -> partial:

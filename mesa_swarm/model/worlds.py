@@ -94,6 +94,13 @@ class ModelRun:
             stretch.driver.attend(code)
         return self.error is None
 
+    def finish_step(self) -> None:
+        """Take a step to its end that an interrupt has left within it."""
+        stretch: Any = self.stretch
+        if self.error is None:
+            with self.ending():
+                stretch.finish_step()
+
     def finish(self) -> None:
         """Count the steps that were taken, and take what was written into buffers."""
         stretch: Any = self.stretch
@@ -101,6 +108,7 @@ class ModelRun:
             stretch.note(stretch.taken, 0)
         with self.ending():
             stretch.driver.finish()
+        stretch.settle()
 
     @contextmanager
     def ending(self) -> Iterator[None]:
@@ -129,6 +137,10 @@ def take_together(runs: Sequence[ModelRun], threads: int) -> None:
     orders = np.array([(s.steps, s.completed, s.begun, s.rows, True) for s in stretches], np.int64)
     try:
         call_worlds(blocks, orders, threads, lambda row, code: runs[row].attend(code))
+    except KeyboardInterrupt:
+        for run in runs:
+            run.finish_step()
+        raise
     finally:
         for run in runs:
             run.finish()
