@@ -320,7 +320,7 @@ def _causes(kernel: Kernel | None, layer: Any) -> list[str]:
 
 
 def _turns_of(kernel: Kernel) -> Turns | None:
-    """Return the turns of an arbiter's kernel, None of a layer's."""
+    """Return the turns of an arbiter's kernel; that of a layer has None."""
     turns = kernel.kept[0] if isinstance(kernel.kept, tuple) else None
     return turns if isinstance(turns, Turns) else None
 

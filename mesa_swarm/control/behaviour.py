@@ -160,7 +160,7 @@ class Behaviour:
         self._check_result(wrong, command)
 
     def _check_result(self, wrong: int, command: np.ndarray) -> None:
-        """Raise an error for the robot for which the rule has returned what is no command, see `Rule.run`."""
+        """Raise an error for the robot whose rule has returned something else than a command, see `Rule.run`."""
         if wrong < -1:
             row = -2 - wrong
             raise self._refusal(row, f"returns a command of another drive; {describe_expected(self._numbers(row))}")

@@ -221,7 +221,7 @@ def run_rule(block, step, first, last):
     copy_fields(own.copies, False)
     return REFUSED if own.wrong[0] != -1 else 0
 """
-# What a kernel returns: the rule has raised an error; it has returned what is no command of the robot's drive.
+# What a kernel returns: the rule has raised an error; it has returned no command of its drive.
 RAISED, REFUSED = 1, 2
 
 Me = namedtuple("Me", FIELDS)  # type: ignore[misc]

@@ -22,7 +22,7 @@ from mesa_swarm.robots.design import AGENT9, RobotDesign
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.swarm_model import SwarmModel
 
-# For so many steps there is room at first.
+# How many steps there is room for at first.
 FEWEST_STEPS = 256
 FAR_SIGHTED = AGENT9.with_proximity(range=100)
 

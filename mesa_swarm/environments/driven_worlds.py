@@ -39,7 +39,7 @@ class StepArrays(NamedTuple):
 
     @classmethod
     def of(cls, worlds: int, robots: int, numbers: int, width: int) -> "StepArrays":
-        """Return arrays for so many worlds, robots, numbers of an action and of an observation."""
+        """Return arrays for a number of worlds, robots, numbers of an action and of an observation."""
         return cls(
             np.zeros((worlds, robots, numbers)),
             np.zeros((worlds, robots)),
@@ -68,7 +68,7 @@ class DrivenWorld:
     """A world of a vector, and what of its steps one compiled call can take.
 
     The call takes all that `TaskWorld.advance` and `observe` do, where each stage has a kernel, all robots are there,
-    and nobody watches: then robots read their sensors at the end of a step instead of at the beginning of the next.
+    and nothing watches: then robots read their sensors at the end of a step instead of at the beginning of the next.
 
     Attributes
     ----------

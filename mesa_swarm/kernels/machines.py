@@ -1,7 +1,7 @@
 """Which machine code a process may run: names of machines, and the levels of processors for which code is published.
 
 Numba compiles for the processor at hand. A wheel may carry code for a level that many processors have; it is found by
-the same names, which say all that machine code depends on besides the sources.
+the same names, which hold all that machine code depends on besides the sources.
 """
 
 import sysconfig

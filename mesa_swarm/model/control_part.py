@@ -42,7 +42,7 @@ class Parameters:
         self.parameters = dict(getattr(owner, "parameters", {}))
 
     def has_changed(self) -> bool:
-        """Return whether an attribute or parameter is another than before."""
+        """Return whether an attribute or parameter has been replaced or changed."""
         try:
             changed = getattr(self.owner, "__dict__", {}) != self.values
         except ValueError:  # of arrays, which are compared only where they are not the same object

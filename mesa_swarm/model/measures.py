@@ -39,7 +39,7 @@ from mesa_swarm.kernels.measuring import (
 from mesa_swarm.kernels.part import Kernel
 
 WORDS = ("count", "share", "mean", "value")
-# What is no column: the speed of the body, as commanded; counters of the part `robots`.
+# Names besides columns: the speed of the body, as commanded; counters of the part `robots`.
 SPEED, COUNTERS = "speed", "robots.counts"
 # Properties of models that are these counters, in their order, and the module that defines them.
 COUNTED, OWNER = ("collisions", "total_collisions", "robot_steps"), "mesa_swarm.model.engine_model"
@@ -92,7 +92,7 @@ def count(column: str, **bounds: Any) -> ColumnMeasure:
     Raises
     ------
     InvalidValueError
-        If a bound is none of these, or not a number.
+        If a bound has another name, or is not a number.
     UnknownNameError
         When a model without such a column reads it.
 

@@ -204,7 +204,7 @@ def set_steps(model: MesaModel, steps: int) -> None:
 
 
 def is_stepped_by_itself(model: MesaModel) -> bool:
-    """Return whether `step` is what Mesa made of the step of the model, and nobody has replaced it."""
+    """Return whether `step` is what Mesa made of the step of the model, rather than what has replaced it."""
     step, whole = model.__dict__.get("step"), model.__dict__.get("_user_step")
     functions = [getattr(method, "__func__", None) for method in (step, whole) if method is not None]
     return bool(functions) and all(

@@ -35,7 +35,7 @@ def drive(models: Iterable[AnyModel], steps: int, threads: int | None = None) ->
     Raises
     ------
     InvalidValueError
-        If something is no model, a model is there twice, or a number is wrong.
+        If something is not a model, a model is there twice, or a number is wrong.
     Exception
         What a step of a model raises, of several that of the first model, when the others have taken their steps.
 

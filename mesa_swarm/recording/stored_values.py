@@ -166,6 +166,8 @@ def control_from_json(value: object) -> Any:
 
 def _machine(layers: list, content: dict) -> controls.StateMachine:
     """Return the state machine of these layers, of which the number in each state is stored."""
+    if sum(count for _, count in content["states"]) != len(layers):
+        raise RecordingError(f"the states of a machine do not have its {len(layers)} layers in recording")
     layers_left = iter(layers)
     states = {str(name): tuple(islice(layers_left, count)) for name, count in content["states"]}
     changes = [(source, target, part_from_json(condition)) for source, target, condition in content["transitions"]]

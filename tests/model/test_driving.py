@@ -53,7 +53,7 @@ def test_runs_in_chunks_of_1_10_and_1000_steps_have_the_same_bits(chunk):
     assert_same(model, FireFighting(rng=2).run(1200))
 
 
-def test_a_plain_model_is_driven_and_its_plan_says_so():
+def test_a_plain_model_is_driven_and_its_plan_states_it():
     model = Plain(rng=1)
     assert drive_model(model, 50) == 50
     assert model.steps == model.completed == 50
@@ -118,7 +118,7 @@ def test_ctrl_c_during_a_compiled_call_loses_no_step_and_takes_none_twice(interr
     assert_same(model.run(30), taken(twin, 30))
 
 
-def test_after_a_step_that_failed_steps_are_taken_one_by_one_and_the_plan_says_so():
+def test_after_a_step_that_failed_steps_are_taken_one_by_one_and_the_plan_states_it():
     model = Plain(rng=1)
     speed = model.swarm.columns["max_speed"][1]
     model.swarm.columns["max_speed"][1] = math.nan

@@ -23,7 +23,7 @@ print(len(compilation.compiled))
 
 @pytest.fixture
 def builder(monkeypatch):
-    """A builder that runs in the repository, with no wish about machine code."""
+    """A builder that runs in the repository, with no setting of machine code."""
     monkeypatch.chdir(ROOT)
     monkeypatch.delenv(LEVELS, raising=False)
     monkeypatch.delenv(backend.PIP, raising=False)
