@@ -300,12 +300,12 @@ def kernel_of_measure(spec: Spec, model: Any, out: np.ndarray, slot: int) -> Ker
     return Kernel(function, block.numbers, block)
 
 
-def as_numbers(column: np.ndarray, whole: bool) -> list[float | int]:
+def list_measured(column: np.ndarray, whole: bool) -> list[float | int]:
     """Return numbers as Python's, whole ones but NaN as such.
 
     Examples
     --------
-    >>> as_numbers(np.array([1.0, np.nan]), True)
+    >>> list_measured(np.array([1.0, np.nan]), True)
     [1, nan]
     """
     return [int(number) if whole and not math.isnan(number) else number for number in column.tolist()]
@@ -342,7 +342,7 @@ class MeasuredRows:
             return
         self._count[ONLY] = 0
         columns = self._table[:count].T
-        values = [as_numbers(column, whole) for column, whole in zip(columns, self._whole, strict=True)]
+        values = [list_measured(column, whole) for column, whole in zip(columns, self._whole, strict=True)]
         self._take(self._steps[:count].tolist(), dict(zip(self._names, values, strict=True)))
 
 
