@@ -160,6 +160,10 @@ class Chunks:
             # Its worker died before the results were here: dask does it again.
             future.add_done_callback(self._ended.put)
             return []
+        except OSError:  # of the connection, unless it is that of the task itself
+            if future.status == "error":
+                raise
+            raise self._lost() from None
         except (ImportError, RuntimeError) as error:
             missing = error if isinstance(error, ImportError) else error.__cause__  # the scheduler wraps its own
             if not isinstance(missing, ImportError):
