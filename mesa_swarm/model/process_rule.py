@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
-from types import FunctionType
+from types import FunctionType, MappingProxyType
 from typing import Any, overload
 
 import numpy as np
@@ -42,8 +42,8 @@ class ProcessRule(Process):
     Attributes
     ----------
     function : function
-    numbers : dict
-        Its parameters with defaults.
+    numbers : mapping
+        Its parameters with defaults; others are those of another process, which calling this one returns.
     memory : dict of str to ndarray
         What it remembers from step to step.
     every : int
@@ -55,7 +55,7 @@ class ProcessRule(Process):
     def __init__(
         self, function: FunctionType, numbers: Mapping[str, float], memory: Mapping[str, np.ndarray], every: int
     ) -> None:
-        self.function, self.numbers, self._every = function, dict(numbers), every
+        self.function, self.numbers, self._every = function, MappingProxyType(dict(numbers)), every
         self.memory = {name: array.copy() for name, array in memory.items()}
         self.__name__, self.__doc__ = function.__name__, function.__doc__
 
@@ -83,7 +83,7 @@ class ProcessRule(Process):
         module, name = self.function.__module__, self.function.__qualname__
         replacing = getattr(sys.modules.get(module), name, None)
         source = (module, name) if isinstance(replacing, ProcessRule) else self.function
-        return rule_of_process, (source, self.numbers, self.memory, self.every)
+        return rule_of_process, (source, dict(self.numbers), self.memory, self.every)
 
     def __deepcopy__(self, memo: dict) -> "ProcessRule":
         return ProcessRule(self.function, self.numbers, self.memory, self.every)
@@ -94,11 +94,10 @@ class ProcessRule(Process):
 
     def checkpoint(self) -> dict:
         """Return what it remembers, its numbers, and its source, which the fingerprint of a model includes."""
-        return {"memory": self.memory, "numbers": self.numbers, "source": normal_source(self.function)}
+        return {"memory": self.memory, "numbers": dict(self.numbers), "source": normal_source(self.function)}
 
     def restore(self, state: dict) -> None:
-        """Take back what `checkpoint` returned, but the source."""
-        self.numbers = dict(state["numbers"])
+        """Take back what it remembered; numbers and source are those with which the process was made."""
         for name, array in state["memory"].items():
             self.memory[name][:] = array
 

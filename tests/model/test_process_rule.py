@@ -163,6 +163,26 @@ def test_a_column_of_a_part_that_has_the_name_of_one_of_the_swarm_is_another_one
     assert way.way == robot.position[0] - 100.0 == 10.0
 
 
+class Scaled(SwarmModel):
+    def __init__(self, *, share=0.5, rng=None):
+        super().__init__(map="openspace_fire", rng=rng)
+        self.add_robots(AGENT9, 4)
+        self.control = Subsumption(Explore())
+        self.add_process(add_up(share=share))
+
+
+def test_a_run_that_continues_with_another_parameter_has_its_number_and_the_memory_of_before(tmp_path):
+    model = Scaled(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=10):
+        model.run(30)
+    for more in (Scaled(rng=1).run(20).continued(share=2.0), Scaled.resume(tmp_path / "run.arrow", step=20, share=2.0)):
+        assert more.processes[1].numbers == {"share": 2.0}
+        assert more.processes[1].calls == 10
+        assert more.run(10).processes[1].sums[0] > model.processes[1].sums[0]
+    again = Scaled.resume(tmp_path / "run.arrow", step=20).run(10)
+    assert again.state_hash() == model.state_hash()
+
+
 def test_the_temperature_that_a_process_changes_is_that_of_robots():
     model = world(warm(amount=2))
     bodies = model.parts.bodies.table.temperature.copy()
