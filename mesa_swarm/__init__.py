@@ -15,7 +15,7 @@ from mesa_swarm.base.composer import provide_composer
 from mesa_swarm.base.lazy import lazy_names
 from mesa_swarm.base.moved import MovedFinder
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
     sys.meta_path.append(MovedFinder())

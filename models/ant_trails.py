@@ -21,7 +21,21 @@ from typing import Annotated, Any
 import numpy as np
 import shapely
 
-from mesa_swarm import AGENT9, Emitter, Field, FieldSensor, Map, RobotDesign, Seed, Sensor, Slider, SwarmModel, polygon
+from mesa_swarm import (
+    AGENT9,
+    Emitter,
+    Field,
+    FieldSensor,
+    Map,
+    Previous,
+    RobotDesign,
+    Seed,
+    Sensor,
+    Slider,
+    SwarmModel,
+    polygon,
+    process,
+)
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count, check_number
 
@@ -103,6 +117,15 @@ def follow(me: Any, k: float = 2.0, leaving: float = 0.02) -> tuple[float, float
     return me.max_speed * min(1.0, 1.0 - 2.0 * turn), me.max_speed * min(1.0, 1.0 + 2.0 * turn)
 
 
+@process(memory={"upper": 0, "lower": 0})
+def count_passages(position: np.ndarray, previous_position: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> None:
+    """Count who passes the middle of a branch."""
+    for i in range(position.shape[0]):
+        if (previous_position[i, 0] < MIDDLE) != (position[i, 0] < MIDDLE):
+            branch = upper if position[i, 1] > LEVEL else lower
+            branch[0] += 1
+
+
 class AntTrails(SwarmModel):
     """Robots between nest and food that choose one of two branches by the trail that they leave.
 
@@ -131,18 +154,11 @@ class AntTrails(SwarmModel):
         self.add_field(Field("trail", cell=5.0, diffusion=0.3, evaporation=evaporation))
         n, p = check_count("n_robots", n_robots, maximum=36), check_number("leaving", leaving, above=0, maximum=1)
         self.add_robots(ANT, poses=[(24.0 + 13.0 * (i // 3), LEVEL + 12.0 * (i % 3 - 1), 0.0) for i in range(n)])
-        self.state.update(upper=0, lower=0)
         self.control = Subsumption(follow(k=check_number("k", k, above=0), leaving=p))
-
-    def step(self) -> None:
-        """Advance by one step, and count who passes the middle of a branch."""
-        before = self.swarm.position[:, 0] < MIDDLE
-        super().step()
-        crossed, is_upper = before != (self.swarm.position[:, 0] < MIDDLE), self.swarm.position[:, 1] > LEVEL
-        self.state["upper"] += int(np.count_nonzero(crossed & is_upper))
-        self.state["lower"] += int(np.count_nonzero(crossed & ~is_upper))
+        self.add_part(Previous("position"))
+        self.passing = self.add_process(count_passages)
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: passages of both branches, and the upper one's share of them."""
-        upper, passages = self.state["upper"], self.state["upper"] + self.state["lower"]
+        upper, passages = self.passing.upper, self.passing.upper + self.passing.lower
         return {"passages": float(passages), "share of the upper branch": upper / passages if passages else None}

@@ -34,6 +34,7 @@ from mesa_swarm import (
     all_round,
     disc,
     held,
+    process,
 )
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_choice, check_count
@@ -76,7 +77,7 @@ def forage(me: Any, food: int = 0, near: float = 4.0, safe: float = 6.0) -> tupl
     if rests and (blocked or math.hypot(me.goal_x, me.goal_y) < 10):
         return 0.0, 0.0
     if blocked and memory.turn == 0:
-        memory.turn, memory.side = 5 + int(me.chance * 1000 % 25), 1.0 if me.chance < 0.5 else -1.0
+        memory.turn, memory.side = 5 + int(25 * me.chance), 1.0 if me.chance < 0.5 else -1.0
     if memory.turn > 0:
         memory.turn -= 1
         return -memory.side * me.max_speed, memory.side * me.max_speed
@@ -88,6 +89,21 @@ def forage(me: Any, food: int = 0, near: float = 4.0, safe: float = 6.0) -> tupl
             return 0.0, 0.0
     turn = max(-1.0, min(1.0, aim))
     return me.max_speed * min(1.0, 1 - 2 * turn), me.max_speed * min(1.0, 1 + 2 * turn)
+
+
+@process
+def use_energy(model: "Foraging") -> None:
+    """Use the nest's energy, and turn food that was brought there into energy."""
+    energy = OUTSIDE * model.outside + INSIDE * (len(model.swarm) - model.outside)
+    for body in [body for body in model.movers.agents if body.carrier is not None]:
+        if np.hypot(*(body.carrier.position - NEST)) < NEST_RADIUS - FOOD_RADIUS:
+            model.event("delivered", robot=body.carrier, value=GAIN)
+            body.remove()
+            model.add_food()
+            model.state["items"] += 1
+            model.state["energy"] += GAIN
+    model.state["spent"] += energy
+    model.state["energy"] = min(max(model.state["energy"] - energy, 0.0), FULL)
 
 
 class Foraging(SwarmModel):
@@ -121,6 +137,7 @@ class Foraging(SwarmModel):
         self.state.update(energy=FULL / 2, spent=0.0, items=0, thresholds=limits)
         for _ in range(check_count("items", items, maximum=200)):
             self.add_food()
+        self.add_process(use_energy)
         self.control = Subsumption(forage(food=self.kind_code("food")))
 
     def add_food(self) -> None:
@@ -140,21 +157,7 @@ class Foraging(SwarmModel):
     @property
     def outside(self) -> int:
         """Number of robots outside the nest."""
-        return int(np.count_nonzero(np.hypot(*(self.swarm.position - NEST).T) > NEST_RADIUS))
-
-    def step(self) -> None:
-        """Advance by one step, use energy, and turn food that was brought to the nest into energy."""
-        super().step()
-        energy = OUTSIDE * self.outside + INSIDE * (len(self.swarm) - self.outside)
-        for body in [body for body in self.movers.agents if body.carrier is not None]:
-            if np.hypot(*(body.carrier.position - NEST)) < NEST_RADIUS - FOOD_RADIUS:
-                self.event("delivered", robot=body.carrier, value=GAIN)
-                body.remove()
-                self.add_food()
-                self.state["items"] += 1
-                self.state["energy"] += GAIN
-        self.state["spent"] += energy
-        self.state["energy"] = min(max(self.state["energy"] - energy, 0.0), FULL)
+        return int(np.count_nonzero(((self.swarm.position - NEST) ** 2).sum(axis=1) > NEST_RADIUS**2))
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: items that were brought, energy at the end, energy used an item."""

@@ -26,13 +26,22 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT_FIRE, Choice, Seed, Slider, SwarmModel
+from mesa_swarm import AGENT_FIRE, Choice, Seed, Slider, SwarmModel, process
 from mesa_swarm.control import Avoid, Explore, Follow, Subsumption
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning.fire_learning import LearnFires
 
 CONTROLLERS = ("shared", "own", "A", "B", "follower", "random")
+
+
+@process
+def end_round(model: "LearningFires") -> None:
+    """Begin a round when all fires are out or the step limit is reached."""
+    out, lasted = model.fires.out, model.steps - model.round_began
+    if out.all() or lasted >= model.round_steps:
+        model.rounds.append([lasted, int(out.all()), int(out[np.argmax(model.fires.area)])])
+        model.light_again()
 
 
 class LearningFires(SwarmModel):
@@ -73,20 +82,13 @@ class LearningFires(SwarmModel):
             first_temperature=first_temperature, last_temperature=last_temperature,
             shared=controller == "shared", frozen=controller == "random",
         )  # fmt: skip
+        self.add_process(end_round)
         self.control = Subsumption(*_layers(check_choice("controller", controller, CONTROLLERS), learner))
 
     @property
     def robots_at_largest(self) -> int:
         """Number of robots that fight the largest fire."""
         return int(self.fires.robots[np.argmax(self.fires.area)])
-
-    def step(self) -> None:
-        """Advance by one step; begin a round when all fires are out or the step limit is reached."""
-        super().step()
-        out, lasted = self.fires.out, self.steps - self.round_began
-        if out.all() or lasted >= self.round_steps:
-            self.rounds.append([lasted, int(out.all()), int(out[np.argmax(self.fires.area)])])
-            self.light_again()
 
     def light_again(self) -> None:
         """Remove all fires and relight them at their positions."""

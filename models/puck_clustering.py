@@ -90,8 +90,8 @@ def gather(
     elif met or blocked:
         if met and carries and me.chance < me.pucks[0] / enough:
             me.act.grip = 0.0
-        memory.back, memory.turn = 3, 3 + int(me.chance * 1000 % 20)
-        memory.side = 1.0 if me.chance * 100_000 % 1 < 0.5 else -1.0
+        memory.back, memory.turn = 3, 3 + int(20 * me.chance)
+        memory.side = 1.0 if me.chance < 0.5 else -1.0
     else:
         return me.max_speed, me.max_speed
     return 0.0, 0.0

@@ -18,7 +18,19 @@ from typing import Annotated, Any
 import mesa
 import numpy as np
 
-from mesa_swarm import HolonomicDrive, Map, RobotDesign, Seed, Sensor, Slider, SwarmModel, all_round, disc
+from mesa_swarm import (
+    HolonomicDrive,
+    Map,
+    RobotDesign,
+    Seed,
+    Sensor,
+    Slider,
+    SwarmModel,
+    all_round,
+    disc,
+    process,
+    until,
+)
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count
 
@@ -76,6 +88,14 @@ class Sheep(mesa.Agent):
         self.position, self.ahead = (min(max(x, 0.0), FIELD.width), min(max(y, 0.0), FIELD.height)), way
 
 
+@process
+def walk(model: "Shepherding") -> None:
+    """Let all sheep walk."""
+    flock = model.agents_by_type[Sheep]
+    for sheep, place, way in zip(flock, model.movers.position.tolist(), model.ways(flock.get("ahead"))):  # noqa: B905
+        sheep.step(place, way)
+
+
 class Shepherding(SwarmModel):
     """One robot that brings a flock of sheep to a target; stops running when the flock is there.
 
@@ -88,6 +108,7 @@ class Shepherding(SwarmModel):
     compares = "n_sheep", (16, 24)
     steps_to_compare = 2_000
     headline = "brought home at", "brought the flock to the target"
+    stops = until("is_home", equals=True)
 
     def __init__(
         self,
@@ -98,7 +119,6 @@ class Shepherding(SwarmModel):
         rng: Seed = None,
     ) -> None:
         super().__init__(map=FIELD, rng=rng)
-        self.home_at: int | None = None
         n = check_count("n_sheep", n_sheep, minimum=2, maximum=1000)
         self.neighbours = min(check_count("neighbours", neighbours) or n, n - 1)
         for place in self.streams["sheep"].uniform(*START, (n, 2)).tolist():
@@ -108,6 +128,7 @@ class Shepherding(SwarmModel):
         self.add_robots(robot, check_count("n_robots", n_robots))
         self.most_spread = APART * n ** (2 / 3)
         code, behind = self.kind_code("sheep"), APART * n**0.5
+        self.add_process(walk)
         self.control = Subsumption(herd(sheep=code, spread=self.most_spread, behind=behind))
 
     def centre_and_farthest(self) -> tuple[complex, complex]:
@@ -115,15 +136,16 @@ class Shepherding(SwarmModel):
         places = self.movers.position[: len(self.agents_by_type[Sheep])] @ (1, 1j)
         return places.mean(), places[abs(places - places.mean()).argmax()]
 
-    def step(self) -> None:
-        """Let the sheep walk, then advance by one step; stop running when the flock is at the target."""
-        flock = self.agents_by_type[Sheep]
-        for sheep, place, way in zip(flock, self.movers.position.tolist(), self.ways(flock.get("ahead"))):  # noqa: B905
-            sheep.step(place, way)
-        super().step()
+    @property
+    def is_home(self) -> bool:
+        """Whether the flock is at the target."""
         centre, far = self.centre_and_farthest()
-        if abs(centre - TARGET) < NEAR and abs(far - centre) < self.most_spread:
-            self.home_at, self.running = self.home_at or self.steps, False
+        return abs(centre - TARGET) < NEAR and abs(far - centre) < self.most_spread
+
+    @property
+    def home_at(self) -> int | None:
+        """Step at which the flock was at the target, or None."""
+        return self.stopped_at
 
     def ways(self, ahead: list[complex]) -> np.ndarray:
         """Return the direction (n,) in which each sheep walks, 0 for one that stands."""

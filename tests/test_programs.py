@@ -1,7 +1,7 @@
 """Two programs written against version 0.1.0 run unchanged, and print what they printed then.
 
-State hashes are the exception: since version 0.2.0 they include what a model was made with. The programs print those of
-the recordings of version 0.1.0, of which the bits are the same.
+State hashes are the exception: since version 0.2.0 they include what a model was made with, and since version 0.3.0 the
+bits are others. The programs print those of the form of version 0.1.0, as version 0.3.0 gives them.
 """
 
 import subprocess

@@ -8,6 +8,7 @@ from mesa_swarm.base.errors import check_choice, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import atan2, direction_of
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.world.statics import KINDS
@@ -149,7 +150,7 @@ def go_towards(block, step, first, last):
         x, y = find_direction(robots, rule.target, i)
         x, y = rule.sign * x, rule.sign * y
         if x != 0.0 or y != 0.0:
-            bearing, speed = math.atan2(y, x), robots.max_speed[i]
+            bearing, speed = atan2(y, x), robots.max_speed[i]
             command[i, 0], command[i, 1] = approach(bearing, rule.critical_angle, speed, robots.radius[i])
             layer[i] = robots.place
     return 0
@@ -168,14 +169,16 @@ def find_direction(robots, target, i):
         return (0.0 if math.isnan(x) else x), (0.0 if math.isnan(y) else y)
     if target == HEAT_PLACE:
         for q in range(robots.radiation.shape[1]):
-            x += robots.radiation[i, q] * math.cos(robots.radiation_bearing[d, q])
-            y += robots.radiation[i, q] * math.sin(robots.radiation_bearing[d, q])
+            ahead, left = direction_of(robots.radiation_bearing[d, q])
+            x += robots.radiation[i, q] * ahead
+            y += robots.radiation[i, q] * left
         return x, y
     for s in range(robots.kind.shape[1]):
         if robots.kind[i, s] == target:
             weight = 1.0 / (1.0 + robots.distance[i, s])
-            x += weight * math.cos(robots.bearing[d, s])
-            y += weight * math.sin(robots.bearing[d, s])
+            ahead, left = direction_of(robots.bearing[d, s])
+            x += weight * ahead
+            y += weight * left
     return x, y
 
 

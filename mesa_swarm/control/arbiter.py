@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.kernels.part import Kernel, kernel_of
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.broadcasts import send_goals
@@ -122,8 +124,11 @@ class Arbiter:
         arbiter.others = None
         arbiter.layers = tuple(map(copy, self.layers))
         arbiter.set_driven(driven)
+        count = Counter[str]()
         for index, layer in enumerate(arbiter.layers, start=first):
-            layer.bind(swarm, f"{index}.{place}{layer.name}", streams[f"decide.{place}{layer.name}"])
+            count[layer.name] += 1
+            stream = f"decide.{place}{layer.name}" + (f" {count[layer.name]}" if count[layer.name] > 1 else "")
+            layer.bind(swarm, f"{index}.{place}{layer.name}", streams[stream])
         arbiter._bind(swarm, streams, first, place)
         return arbiter
 
@@ -592,11 +597,11 @@ def add_weighted(layer_command, active, weight, index, command, layer, largest):
         x, y = weigh_command(layer_command[i, 0], weight), weigh_command(layer_command[i, 1], weight)
         command[i, 0] += x
         command[i, 1] += y
-        share = math.hypot(x, y)
+        share = hypot(x, y)
         for w in range(2, layer_command.shape[1]):
             z = weigh_command(layer_command[i, w], weight)
             command[i, w] += z
-            share = math.hypot(share, z)
+            share = hypot(share, z)
         if layer[i] < 0 or share > largest[i]:
             layer[i], largest[i] = index, share
 

@@ -17,6 +17,7 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.control.chance import KEY, PLACES
 from mesa_swarm.control.custom_fields import RuleFields, check_memory
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.rule import (
@@ -30,7 +31,7 @@ from mesa_swarm.control.rule import (
     rule_of,
 )
 from mesa_swarm.control.source import Read, own_randomness, uses_attribute, what_is_read
-from mesa_swarm.kernels.draws import Stream, stream_of
+from mesa_swarm.kernels.draws import Words, words_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.swarm import Swarm
 
@@ -104,7 +105,7 @@ class Behaviour:
         if source:
             raise BehaviourError(
                 f"rule {self.name} uses {source}, which the model's seed does not govern; "
-                "use me.chance, a number from 0 to 1 that is drawn for every robot in every step"
+                "use me.chance, another number from 0 to 1 each time that it is read"
             )
         if self._swarm is not swarm:
             self._read, self._version = None, -1
@@ -118,7 +119,7 @@ class Behaviour:
         if not len(layer):
             return
         if self._rng is not None:
-            self._look(senses)[0][-1][:] = self._rng.random(len(layer))
+            self._look(senses)[0][-1][KEY] = self._rng.integers(2**64, dtype=np.uint64)
         self._apply(senses, command, layer, index)
 
     def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
@@ -128,9 +129,8 @@ class Behaviour:
         columns, fields = self._look(senses)
         blocks = fields.copies()
         copies = np.array([block.numbers for block in blocks], np.int64).reshape(-1, COPY_NUMBERS)
-        draws = self._rng is not None
-        stream = stream_of(self._rng) if draws else Stream(0, 0)  # type: ignore[arg-type]
-        own = OfKernel(copies, columns[-1] if draws else np.empty(0), stream, np.array([-1]))
+        words = Words(0, 0) if self._rng is None else words_of(self._rng)
+        own = OfKernel(copies, columns[-1], words, np.array([-1]))
         values = tuple(self.parameters.values())
         kernel = self.rule.kernel_for(self._version, columns, fields, values, own, command, layer, index)
 
@@ -172,8 +172,8 @@ class Behaviour:
     def _look(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], RuleFields]:
         """Return what the rule may know; views are made again when robots are added or removed."""
         if self._views[0] is not senses:
-            chances = np.full(len(self._swarm), np.nan)
-            columns = (*columns_of(senses, self._swarm.designs), chances)
+            drawn = np.zeros(PLACES, np.uint64)
+            columns = (*columns_of(senses, self._swarm.designs, self._swarm.number), drawn)
             self._views = senses, columns, self._fields(senses)
         return self._views[1], self._views[2]
 
@@ -211,11 +211,10 @@ def behaviour(
 
     The rule gets `me`, what the robot knows: `distance`, `kind`, `bearing` (one entry a proximity sensor), `radiation`,
     `line`; `front`, `left`, `right` (indices of sensors); `radius`, `max_speed`, `tendency` (1 left, -1 right),
-    `temperature`, `heat`, `hot`, `extinguishing`; and `chance`, a number from 0 to 1 that is drawn for every robot in
-    every step: one number a step, however often it is read, so that what is derived from it twice is correlated
-    (independent are its leading and remaining digits, or the numbers of two layers). None of it can be changed. An
-    index is -1 where the robot has no such sensor, and index -1 reads nothing: a distance and kind of -1, no radiation,
-    no line, a bearing of NaN.
+    `temperature`, `heat`, `hot`, `extinguishing`; and `chance`, a number from 0 to below 1, another one each
+    time that it is read, independent of what other robots read. None of it can be changed. An index is -1 where the
+    robot has no such sensor, and index -1 reads nothing: a distance and kind of -1, no radiation, no line, a bearing of
+    NaN.
 
     With a `Radio` it also hears of the nearest robot that has a task: `heard_layer` and `heard_task` (-1 for
     none), and where that is, `heard_x` ahead and `heard_y` left; and where the nearest goal is, `goal_x` and

@@ -1,6 +1,5 @@
 """Conditions of transitions between the states of a `StateMachine`: what a robot senses, and chance."""
 
-import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,6 +9,7 @@ from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count,
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import exp
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.world.statics import KINDS, MOST_KINDS, ROBOT
 
@@ -332,7 +332,7 @@ def chance_of(distance, kind, line, radiation, i, row):
             if kind[i, s] == ROBOT:
                 count += 1
         # No more than 700 in the exponent, whose exponential is finite.
-        return probability / (1.0 + math.exp(min(row[3] * (row[2] - count), 700.0)))
+        return probability / (1.0 + exp(min(row[3] * (row[2] - count), 700.0)))
     fulfilled = code == CHANCE
     if code in (SEEN, UNSEEN):
         fulfilled = is_near(distance, kind, i, row[2], row[3]) == (code == SEEN)

@@ -5,7 +5,6 @@ are meant to be added up by `VectorSum`. Where Reynolds's birds know how their n
 from how the neighbours' perceived centroid moves.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -22,6 +21,7 @@ from mesa_swarm.control.layer import (
 )
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import atan2, direction_of, hypot
 from mesa_swarm.kernels.type_names import Integers, RealRows
 from mesa_swarm.physics.arcs import sinc
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y
@@ -130,10 +130,11 @@ def track(
         if commands_wheels:
             turn = (command[i, 1] - command[i, 0]) / (2.0 * radius[i])
             chord = 0.5 * (command[i, 0] + command[i, 1]) * sinc(0.5 * turn)
-            ahead, left = chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn)
+            x, y = direction_of(0.5 * turn)
+            ahead, left = chord * x, chord * y
         else:
             turn, ahead, left = 0.0, command[i, 0], command[i, 1]
-        cosine, sine = math.cos(turn), math.sin(turn)
+        cosine, sine = direction_of(turn)
         # Everything is in the frame that the robot has now: turned by `turn`, moved by (ahead, left).
         x, y = centroid_before[i, 0] - ahead, centroid_before[i, 1] - left
         moved_x = centroid[i, 0] - (cosine * x + sine * y)
@@ -142,7 +143,7 @@ def track(
         vx, vy = cosine * vx + sine * vy, cosine * vy - sine * vx
         if count[i] == 0:
             vx, vy, compared[i] = 0.0, 0.0, 0
-        elif count_before[i] > 0 and math.hypot(moved_x, moved_y) <= jump:
+        elif count_before[i] > 0 and hypot(moved_x, moved_y) <= jump:
             compared[i] += 1
             weight = max(least_weight, 1.0 / compared[i])
             vx += weight * (moved_x - vx)
@@ -224,10 +225,10 @@ def drive_arcs(velocity, compared, fewest, slowest, max_speed, radius, command, 
     """Write the commands of robots that know their neighbours' velocity and are driven by no earlier layer."""
     for i in range(layer.shape[0]):
         x, y = velocity[i, 0], velocity[i, 1]
-        length = math.hypot(x, y)
+        length = hypot(x, y)
         if layer[i] >= 0 or compared[i] < fewest or x <= 0.0 or length < slowest * max_speed[i]:
             continue
-        bearing = math.atan2(y, x)
+        bearing = atan2(y, x)
         # The chord of an arc that turns by 2 b points along b, and is sinc(b) times as long as the arc.
         speed, rim = length / sinc(bearing), 2.0 * bearing * radius[i]
         share = min(1.0, max_speed[i] / (speed + abs(rim)))
@@ -306,7 +307,7 @@ def separate_from(block, step, first, last):
                 y -= weight * sensors[d, s, AXIS_Y]
                 count += 1
         if count:
-            share = robots.max_speed[i] / max(1.0, math.hypot(x, y))
+            share = robots.max_speed[i] / max(1.0, hypot(x, y))
             robots.command[i, 0], robots.command[i, 1] = share * x, share * y
             layer[i] = robots.place
     return 0
@@ -367,7 +368,7 @@ def align(velocity, compared, fewest, max_speed, command, layer, index):
     for i in range(layer.shape[0]):
         if layer[i] >= 0 or compared[i] < fewest:
             continue
-        length = math.hypot(velocity[i, 0], velocity[i, 1])
+        length = hypot(velocity[i, 0], velocity[i, 1])
         share = min(1.0, max_speed[i] / length) if length > 0.0 else 0.0
         command[i, 0], command[i, 1] = share * velocity[i, 0], share * velocity[i, 1]
         layer[i] = index
@@ -405,7 +406,7 @@ class Cohere(Memoryless):
     def reason(self, moment: Moment) -> Reason:
         """Return how far the centroid is."""
         seeing = moment.seeing(ROBOT)
-        distance = math.hypot(*moment.position_of(seeing))
+        distance = hypot(*moment.position_of(seeing))
         return Reason(f"the centroid of the robots it sees is {distance:.1f} away", tuple(seeing))
 
 
@@ -426,7 +427,7 @@ def cohere(block, step, first, last):
             continue
         x, y, count = perceive_centroid(robots.distance, robots.kind, robots.sensors, robots.design, i)
         if count:
-            share = robots.max_speed[i] / max(rule.near, math.hypot(x, y))
+            share = robots.max_speed[i] / max(rule.near, hypot(x, y))
             robots.command[i, 0], robots.command[i, 1] = share * x, share * y
             robots.layer[i] = robots.place
     return 0
@@ -480,7 +481,7 @@ def cruise(block, step, first, last):
         if robots.layer[i] >= 0:
             continue
         x, y = robots.last_command[i, 0], robots.last_command[i, 1]
-        length = math.hypot(x, y)
+        length = hypot(x, y)
         if length > 0.0:
             x, y = x / length, y / length
         else:

@@ -18,6 +18,7 @@ from mesa_swarm.control.layer import (
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.draws import Stream, stream_of
+from mesa_swarm.kernels.elementary import atan2, hypot
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -64,7 +65,7 @@ class Gather(Memoryless):
         """Return where the others were seen."""
         seeing = moment.seeing(ROBOT)
         x, y = moment.position_of(seeing)
-        where = f"{math.hypot(x, y):.1f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
+        where = f"{hypot(x, y):.1f} away at {math.degrees(atan2(y, x)):+.0f} degrees"
         return Reason(f"the centroid of the robots it sees is {where}", tuple(seeing))
 
 
@@ -88,11 +89,11 @@ def gather_robots(block, step, first, last):
         x, y, count = perceive_centroid(robots.distance, robots.kind, robots.sensors, robots.design, i)
         if count == 0:
             continue
-        bearing = math.atan2(y, x)
+        bearing = atan2(y, x)
         if abs(bearing) > rule.critical_angle:
             command[i, 0], command[i, 1] = turn_towards(bearing, robots.max_speed[i], robots.radius[i])
             layer[i] = robots.place
-        elif math.hypot(x, y) <= rule.stop_distance:
+        elif hypot(x, y) <= rule.stop_distance:
             command[i, 0], command[i, 1] = 0.0, 0.0
             layer[i] = robots.place
     return 0

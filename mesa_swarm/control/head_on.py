@@ -11,6 +11,7 @@ from mesa_swarm.control.layer import CompiledLayer, RobotColumns, Senses, draw_n
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
+from mesa_swarm.kernels.elementary import exp, log
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -198,8 +199,9 @@ def meet_by_speed(block, step, first, last):
     """Turn the robots that meet another head-on, each at a speed of its own."""
     rule = unpack(block, SpeedRule)
     find_ahead(rule.meeting)
+    log_of_slowest = log(rule.slowest)
     for i in range(rule.draws.shape[0]):
-        rule.draws[i] = rule.slowest ** draw_number(rule.meeting.stream)
+        rule.draws[i] = exp(draw_number(rule.meeting.stream) * log_of_slowest)
     m = rule.meeting
     robots = m.robots
     meet_head_on(

@@ -15,6 +15,7 @@ from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.draws import draw_number
+from mesa_swarm.kernels.elementary import angles_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import (
     CodeRows,
@@ -114,8 +115,8 @@ class Senses:
         names = {sense.name for sense in fields(cls)}
         columns: dict[str, Any] = {name: column for name, column in swarm.columns.items() if name in names}
         of_designs: dict[str, Any] = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
-        bearing = np.arctan2(table.radiation[..., AXIS_Y], table.radiation[..., AXIS_X])
-        of_designs["radiation_bearing"] = np.ascontiguousarray(bearing)
+        bearing = angles_of(table.radiation[..., AXIS_Y], table.radiation[..., AXIS_X])
+        of_designs["radiation_bearing"] = bearing
         more: dict[str, Any] = {"own": {name: swarm.columns[name] for name in table.readings}}
         for group in ("act", "send", "heard"):
             first = f"{group}."

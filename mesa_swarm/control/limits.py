@@ -28,15 +28,20 @@ from numba.extending import intrinsic, overload
 from numba.np.ufunc.dufunc import DUFunc
 from numba.np.ufunc.gufunc import GUFunc
 
+from mesa_swarm.control import chance
+from mesa_swarm.control.chance import read_chance
 from mesa_swarm.control.source import attributes_used, functions_used, operands, operations, values_used
-from mesa_swarm.kernels.digests import FUNCTIONS
+from mesa_swarm.kernels import draws
+from mesa_swarm.kernels.custom_functions import VERSION as VERSION_OF_FUNCTIONS
+from mesa_swarm.kernels.custom_functions import constant_of, function_instead
+from mesa_swarm.kernels.digests import FUNCTIONS, digest_source
 
 MOST_LOOPS = 1_000_000
 # Operations of which a function with loops has one.
 LOOPS = {"FOR_ITER", "JUMP_BACKWARD", "JUMP_BACKWARD_NO_INTERRUPT"}
 LOOPS |= {f"POP_JUMP_BACKWARD_IF_{what}" for what in ("TRUE", "FALSE", "NONE", "NOT_NONE")}
 # Part of the digest by which compiled rules are stored: to be changed with what this file and `rule` add to them.
-VERSION = 3
+VERSION = 4, *VERSION_OF_FUNCTIONS, *map(digest_source, (chance.__file__, draws.__file__))
 # Code in these folders is not a rule's: the package's own, which ends.
 OURS = str(Path(__file__).parents[1])
 GALLERY = str(Path(__file__).parents[1] / "models")
@@ -258,10 +263,19 @@ def _limit_statement(code: Any, scope: Any, old: Any) -> Iterator[Any]:
         yield from _call(scope, check_item, [old.target, old.value], value, old.loc)
         old.value = value
         yield old
-    elif isinstance(old, ir.Assign) and (functions := _limit_functions(_constant(code, old))) is not None:
+    elif isinstance(old, ir.Assign) and _is_chance(old.value):
+        raw = scope.redefine("$limit_chance", old.loc)
+        yield ir.Assign(old.value, raw, old.loc)
+        yield from _call(scope, read_chance, [raw], old.target, old.loc)
+    elif isinstance(old, ir.Assign) and (functions := _functions_instead(constant_of(code, old))) is not None:
         yield ir.Assign(ir.Global("limited", functions, old.loc), old.target, old.loc)
     else:
         yield old
+
+
+def _is_chance(value: Any) -> bool:
+    """Return whether a rule reads `chance` of something, which is `me` or an object of the user's."""
+    return isinstance(value, ir.Expr) and value.op == "getattr" and value.attr == "chance"
 
 
 def _call(scope: Any, function: Callable, arguments: list, result: Any, place: Any) -> Iterator[Any]:
@@ -270,17 +284,9 @@ def _call(scope: Any, function: Callable, arguments: list, result: Any, place: A
     yield ir.Assign(ir.Expr.call(variable, arguments, (), place), result, place)
 
 
-def _constant(code: Any, assignment: Any) -> Any:
-    """Return what a name, or an attribute of a module, stands for; None if that is not a constant."""
-    value = assignment.value
-    if isinstance(value, (ir.Global, ir.FreeVar)):
-        return value.value
-    if not (isinstance(value, ir.Expr) and value.op == "getattr"):
-        return None
-    try:
-        return code.infer_constant(assignment.target)
-    except Exception:  # Numba's, of what is not a constant
-        return None
+def _functions_instead(value: Any) -> Any:
+    """Return what is to be called in place of a function, None if nothing is."""
+    return function_instead(value) or _limit_functions(value)
 
 
 def _limit_functions(value: Any) -> Any:

@@ -10,6 +10,7 @@ from mesa_swarm.base.errors import check_name, check_number
 from mesa_swarm.control.layer import CompiledLayer, RobotColumns, Senses, perceive_centroid
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import atan2, hypot
 from mesa_swarm.kernels.type_names import Flags
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -66,7 +67,7 @@ class Perimeter(CompiledLayer):
     def reason(self, moment: Moment) -> Reason:
         """Return how far the centroid is, and on which side of the ring the robot is."""
         seeing = moment.seeing(ROBOT)
-        distance = math.hypot(*moment.position_of(seeing))
+        distance = hypot(*moment.position_of(seeing))
         off = distance - self.ring
         if abs(off) <= 2.0 * self.tolerance:  # between one and two tolerances it may have settled or not
             where = "on" if abs(off) <= self.tolerance else "at the edge of"
@@ -97,11 +98,11 @@ def keep_ring(block, step, first, last):
         if layer[i] >= 0 or count == 0:
             rests[i] = False
             continue
-        distance = math.hypot(x, y)
+        distance = hypot(x, y)
         rests[i] = abs(distance - rule.ring) <= (2.0 * tolerance if rests[i] else tolerance)
         # Towards the centroid from outside the ring, else away from it.
         towards = 1.0 if distance > rule.ring and not rests[i] else -1.0
-        bearing = math.atan2(towards * y, towards * x)
+        bearing = atan2(towards * y, towards * x)
         layer[i] = robots.place
         if abs(bearing) > rule.critical_angle:
             command[i, 0], command[i, 1] = turn_towards(bearing, robots.max_speed[i], robots.radius[i])

@@ -8,6 +8,7 @@ from mesa_swarm.base.errors import check_choice, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import atan2, hypot
 from mesa_swarm.kernels.type_names import RealRows
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -69,7 +70,7 @@ class Respond(Memoryless):
     def reason(self, moment: Moment) -> Reason:
         """Return where the call came from."""
         x, y = moment.columns["heard_from" if self.to == "state" else "heard_goal"]
-        where = f"{math.hypot(x, y):.0f} away at {math.degrees(math.atan2(y, x)):+.0f} degrees"
+        where = f"{hypot(x, y):.0f} away at {math.degrees(atan2(y, x)):+.0f} degrees"
         return Reason(f"it heard of {'a robot at work' if self.to == 'state' else 'a goal'} {where}")
 
 
@@ -92,8 +93,8 @@ def respond_to_fires(block, step, first, last):
         if layer[i] >= 0 or robots.hot[i] or robots.fire[i] >= 0:
             continue
         x, y = target[i, 0], target[i, 1]
-        if math.hypot(x, y) > rule.near:
+        if hypot(x, y) > rule.near:
             layer[i] = robots.place
-            bearing, speed = math.atan2(y, x), robots.max_speed[i]
+            bearing, speed = atan2(y, x), robots.max_speed[i]
             command[i, 0], command[i, 1] = approach(bearing, rule.critical_angle, speed, robots.radius[i])
     return 0

@@ -17,6 +17,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
 from mesa_swarm.base.errors import BehaviourError, shortened, unknown_name
+from mesa_swarm.control.chance import KEY, Draws, begin_draws, reading_chance
 from mesa_swarm.control.custom_fields import (
     FieldForm,
     RecordEntry,
@@ -44,7 +45,7 @@ from mesa_swarm.control.source import Read
 from mesa_swarm.kernels.block import pack, unpack_as
 from mesa_swarm.kernels.custom_code import CustomCode, rename_function, store_on_disk
 from mesa_swarm.kernels.digests import digest_function
-from mesa_swarm.kernels.draws import Stream, draw_number
+from mesa_swarm.kernels.draws import Words, draw_word
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import name_type
 from mesa_swarm.robots.design import RobotDesign
@@ -165,8 +166,10 @@ PLACE = ".rule.function"
 
 COLUMNS = (
     "distance", "kind", "bearing", "radiation", "line", "forward", "radius", "max_speed", "tendency", "temperature",
-    "heat", "hot", "fire", "design", "heard_layer", "heard_task", "heard_from", "heard_goal", "counts", "chance",
+    "heat", "hot", "fire", "design", "heard_layer", "heard_task", "heard_from", "heard_goal", "counts", "number",
+    "drawn",
 )  # fmt: skip
+COUNTS = COLUMNS.index("counts")
 # The fields of `me`, and how each follows from the columns, for robot i of design d.
 FIELDS = {
     "distance": "seen(distance[i, :counts[d, 0]])",
@@ -185,7 +188,7 @@ FIELDS = {
     "heard_y": "heard_from[i, 1]",
     "goal_x": "heard_goal[i, 0]",
     "goal_y": "heard_goal[i, 1]",
-    "chance": "chance[i]",
+    "chance": "Draws(begin_draws(drawn), number[i])",
 }
 # Text, since Numba knows a tuple only if its parts are named one by one.
 LOOP = """
@@ -211,8 +214,8 @@ def run(columns, values, at, command, layer, index):
 KERNEL = """
 def run_rule(block, step, first, last):
     columns, values, at, command, layer, index, own = take_block(block)
-    for i in range(own.chance.shape[0]):
-        own.chance[i] = draw_number(own.stream)
+    if own.words.draw:
+        own.drawn[KEY] = draw_word(own.words)
     copy_fields(own.copies, True)
     try:
         own.wrong[0] = run(columns, values, at, command, layer, index)
@@ -235,17 +238,17 @@ class OfKernel(NamedTuple):
     ----------
     copies : int64 ndarray, shape (k, 7)
         Rows of `FieldCopy`.
-    chance : ndarray, shape (n,)
-        Of `me.chance`, empty for a rule that does not read it.
-    stream : Stream
-        From which it is drawn.
+    drawn : uint64 ndarray, shape (2,)
+        See `Draws`.
+    words : Words
+        From which the key of a step is drawn, two zeros for a rule that does not read `me.chance`.
     wrong : int64 ndarray, shape (1,)
         What the loop has returned.
     """
 
     copies: np.ndarray
-    chance: np.ndarray
-    stream: Stream
+    drawn: np.ndarray
+    words: Words
     wrong: np.ndarray
 
 
@@ -316,7 +319,7 @@ class Rule:
 
         Where it returns more or fewer numbers than a robot's drive takes, that robot's row r is returned as -2 - r.
         `version` is that of `version_of`.
-        `columns` are those of `columns_of`, and the column of chances; `fields` are what the model adds; `outputs` are
+        `columns` are those of `columns_of`, and `drawn` of `Draws`; `fields` are what the model adds; `outputs` are
         the columns `command` and `layer`, and the index of the layer. `at` (1,) is set to the robot that the rule is
         about, to name it if the rule raises an error.
         """
@@ -384,14 +387,17 @@ def rule_of(function: FunctionType) -> Rule:
     return Rule(function)
 
 
-def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.ndarray, ...]:
-    """Return what a rule may know of all robots, read-only, and how many sensors of each kind the designs have."""
+def columns_of(senses: Senses, designs: tuple[RobotDesign, ...], number: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return what a rule may know of all robots, read-only, and how many sensors of each kind the designs have.
+
+    The last are the robots' numbers, by which `me.chance` is drawn.
+    """
     counts = [(len(d.proximity), len(d.radiation), len(d.line), d.numbers) for d in designs]
     columns = (
         senses.distance, senses.kind, senses.bearing, senses.radiation, senses.line, senses.forward,
         senses.radius, senses.max_speed, senses.tendency, senses.temperature, senses.heat, senses.hot,
         senses.fire, senses.design, senses.heard_layer, senses.heard_task, senses.heard_from, senses.heard_goal,
-        np.array(counts, np.int64).reshape(-1, 4),
+        np.array(counts, np.int64).reshape(-1, 4), number,
     )  # fmt: skip
     return tuple(map(locked_view, columns))
 
@@ -426,7 +432,7 @@ def _compile_if_possible(
 
 def _numbers_in(columns: tuple) -> list[int]:
     """Return the numbers of commands of all designs, ascending; of two-wheeled robots where there is none."""
-    return np.unique(columns[-2][:, 3]).tolist() or [2]
+    return np.unique(columns[COUNTS][:, 3]).tolist() or [2]
 
 
 def _with_longer_pass(function: FunctionType, count: int) -> FunctionType:
@@ -544,18 +550,35 @@ def _take_several(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> i
 
 
 # What the text of the loop uses.
-OF_LOOP = {"take": write_command, "PASSED": PASSED, "DONE": DONE, "WRONG": WRONG, "MOST_LOOPS": MOST_LOOPS}
+OF_LOOP = {
+    "Draws": Draws,
+    "take": write_command,
+    "PASSED": PASSED,
+    "DONE": DONE,
+    "WRONG": WRONG,
+    "MOST_LOOPS": MOST_LOOPS,
+}
 # What the text of the kernel uses.
-OF_KERNEL = {"draw_number": draw_number, "copy_fields": copy_fields, "RAISED": RAISED, "REFUSED": REFUSED}
+OF_KERNEL = {"draw_word": draw_word, "copy_fields": copy_fields, "KEY": KEY, "RAISED": RAISED, "REFUSED": REFUSED}
+BEGINNINGS = (begin_draws.py_func, begin_draws)
 LIMITS = (lambda count: None, allow_loops)  # a plain rule counts by itself
 PLAIN, COMPILED = (
-    {**OF_LOOP, "allow_loops": LIMITS[place], **{name: pair[place] for name, pair in READINGS.items()}}
+    {
+        **OF_LOOP,
+        "allow_loops": LIMITS[place],
+        "begin_draws": BEGINNINGS[place],
+        **{name: pair[place] for name, pair in READINGS.items()},
+    }
     for place in (0, 1)
 )
 
 
 def _loop(
-    form: FieldForm, fields: Iterable[str], rule: Callable, names_of_parts: Mapping[str, Any]
+    form: FieldForm,
+    fields: Iterable[str],
+    rule: Callable,
+    names_of_parts: Mapping[str, Any],
+    make_me: Callable[[type], type] = lambda fields: fields,
 ) -> tuple[tuple[int, ...], FunctionType]:
     """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet.
 
@@ -569,7 +592,7 @@ def _loop(
     places = tuple(k for k, name in enumerate(names) if re.search(rf"\b{name}\b", text))
     space: dict[str, Any] = {
         "__name__": __name__,
-        "Me": namedtuple("Me", list(parts)),
+        "Me": make_me(namedtuple("Me", list(parts))),
         "Heard": namedtuple("Heard", form.heard),
         "rule": rule,
         **names_of_parts,
@@ -589,7 +612,7 @@ def _plain_loop(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...
             raise WheelsError(wheels)
         return wheels
 
-    places, loop = _loop(form, (*Me._fields, *form.names), checked, PLAIN)
+    places, loop = _loop(form, (*Me._fields, *form.names), checked, PLAIN, reading_chance)
 
     def run(columns: tuple, *more: Any) -> int:
         count = len(columns) - _count_of_arrays(form)

@@ -16,6 +16,7 @@ from mesa_swarm.environments.actions import CONTINUOUS
 from mesa_swarm.environments.scores import CARRIED, LARGEST_REWARD, NEST, ObservationEncoder, Score
 from mesa_swarm.environments.task import Task
 from mesa_swarm.geometry.free_room import find_part_around, room_for_disc
+from mesa_swarm.kernels.elementary import atan2, direction_of, hypot, vector_lengths
 from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.gripper import Carried, Gripper
@@ -72,10 +73,11 @@ class NestSensor(Sensor):
         """Write range and bearing."""
         for i in np.arange(len(out)):
             dx, dy = place[0] - position[i, 0], place[1] - position[i, 1]
-            away = math.hypot(dx, dy)
+            away = hypot(dx, dy)
             if away <= range:
-                turn = math.atan2(dy, dx) - heading[i]
-                out[i, 0], out[i, 1] = away, math.atan2(math.sin(turn), math.cos(turn))
+                turn = atan2(dy, dx) - heading[i]
+                cosine, sine = direction_of(turn)
+                out[i, 0], out[i, 1] = away, atan2(sine, cosine)
 
 
 @behaviour(memory={"turn": 0, "side": 1.0})
@@ -254,7 +256,7 @@ class Delivering:
         carried = [movers.agents[row] for row in np.flatnonzero(movers.carried)]
         for body in [item for item in carried if item.kind == FOOD]:
             robot = body.carrier
-            if np.hypot(*(robot.position - nest)) < self._radius - FOOD_RADIUS:
+            if hypot(*(robot.position - nest)) < self._radius - FOOD_RADIUS:
                 model.event("delivered", robot=robot)
                 self.delivered[self._number[robot.unique_id]] += 1
                 body.remove()
@@ -266,7 +268,7 @@ class Delivering:
         neighbours = np.vstack([model.movers.position, model.swarm.position])
         for _ in range(TRIES):
             place = model.streams[FOOD].uniform((x_min, y_min), (x_max, y_max))
-            apart = (np.hypot(*(neighbours - place).T) > ROOM).all()
+            apart = (vector_lengths(*(neighbours - place).T) > ROOM).all()
             if apart and shapely.contains_xy(self._space, *place):
                 model.add_body(disc(tuple(place.tolist()), FOOD_RADIUS), kind=FOOD)
                 return

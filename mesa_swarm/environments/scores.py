@@ -12,6 +12,7 @@ from mesa_swarm.analysis.coverage import cells_from_places
 from mesa_swarm.base.errors import InvalidValueError, SwarmError, check_choice
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import directions_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import CodeRows, FlagRows, Flags, Integers, RealRows, Reals, SingleRows
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
@@ -151,10 +152,10 @@ class ObservationEncoder:
 
 def _write_place(away: np.ndarray, bearing: np.ndarray, out: np.ndarray) -> None:
     """Write a distance, at most 1, and the two shares of a bearing; 1, 0.5 and 0.5 for NaN."""
-    unknown = np.isnan(away)
+    unknown, (ahead, left) = np.isnan(away), directions_of(bearing)
     out[:, 0] = np.where(unknown, 1.0, np.minimum(away, 1.0))
-    out[:, 1] = np.where(unknown, 0.5, 0.5 + 0.5 * np.cos(bearing))
-    out[:, 2] = np.where(unknown, 0.5, 0.5 + 0.5 * np.sin(bearing))
+    out[:, 1] = np.where(unknown, 0.5, 0.5 + 0.5 * ahead)
+    out[:, 2] = np.where(unknown, 0.5, 0.5 + 0.5 * left)
 
 
 class TeamEncoder:

@@ -7,6 +7,7 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
+from mesa_swarm.kernels.elementary import directions_of
 from mesa_swarm.swarm_model import SwarmModel
 
 OF_ROBOT, OF_FIRE, OF_THING = 9, 5, 3
@@ -86,7 +87,7 @@ class StateEncoder:
         fastest = columns["max_speed"][:, None]
         table[:, 0] = 1.0
         table[:, 1:3] = _shares(world, columns["position"])
-        table[:, 3], table[:, 4] = np.cos(columns["heading"]), np.sin(columns["heading"])
+        table[:, 3], table[:, 4] = directions_of(columns["heading"])
         table[:, 5:7] = columns["command"][:, :2] / np.where(fastest > 0, fastest, 1.0)
         table[:, 7] = columns["collided"]
         table[:, 8] = np.minimum(columns["temperature"] / self._leave, 1.0)

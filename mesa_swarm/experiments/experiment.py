@@ -18,6 +18,7 @@ from mesa_swarm.experiments.until import EndCondition, checked_condition
 from mesa_swarm.maps.map import Map, builtin_maps
 from mesa_swarm.model.gallery import find_model, model_address
 from mesa_swarm.model.parameters import parameters_of
+from mesa_swarm.model.state_hash import ENGINE_BITS
 from mesa_swarm.swarm_model import SwarmModel
 
 MOST_SEEDS = 100_000
@@ -97,7 +98,8 @@ class Experiment:
         place = model_address(self.model_class)
         parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
         ends = () if self.until is None else (self.until.source,)
-        decisive = place, self.source, package_version("mesa-swarm"), parameters, rng, self.steps, *ends
+        version = package_version("mesa-swarm"), ENGINE_BITS
+        decisive = place, self.source, version, parameters, rng, self.steps, *ends
         return fingerprint(*decisive, default=repr)
 
     @property

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Codes, Flags, Integers, RealRows, Reals
 from mesa_swarm.world.statics import FIRE, OBSTACLE
@@ -138,7 +139,7 @@ def nearest_fire(x, y, radius, rows, place, reach, out, extinguish_range):
     near, least = NO_FIRE, math.inf
     for f in range(rows.shape[0]):
         row = rows[f]
-        gap = math.hypot(x - place[row, 0], y - place[row, 1]) - reach[row] - radius
+        gap = hypot(x - place[row, 0], y - place[row, 1]) - reach[row] - radius
         if not out[f] and gap <= extinguish_range and gap < least:
             near, least = f, gap
     return near

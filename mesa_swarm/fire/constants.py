@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from mesa_swarm.base.errors import FireConstantsWarning, InvalidValueError, check_flag, check_number, shortened
+from mesa_swarm.kernels.elementary import expm1, log
 
 LONGEST = 1e12
 # Of the extinguishing with which one robot just holds the smallest fire: rounding must not tip the balance.
@@ -141,9 +142,9 @@ def design_constants(
     balance_temperature = check_number("balance_temperature", balance_temperature, above=0, maximum=0.999999)
     stay_time = check_number("stay_time", stay_time, above=0, maximum=LONGEST)
     rest_time = check_number("rest_time", rest_time, above=0, maximum=LONGEST)
-    k1 = math.log(2) / growth_time
+    k1 = log(2) / growth_time
     # E / (E - 1), written so that it neither overflows for long times nor cancels for short ones.
-    share = -1.0 / math.expm1(-k1 * extinguish_time)
+    share = -1.0 / expm1(-k1 * extinguish_time)
     least_k2 = k1 * area / robots * (1.0 + initial_temperature * share)
     held = HELD * k1 * (area if areas is None else min(all_areas)) * (initial_temperature + 1.0)
     k2 = least_k2 if check_flag("alone", alone) else min(least_k2, held)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.base.errors import check_count, check_number
+from mesa_swarm.kernels.elementary import direction_of, vector_lengths
 from mesa_swarm.maps.map import RADIUS_OF_UNIT_AREA
 from mesa_swarm.world.movers import find_occupied_room
 from mesa_swarm.world.shapes import disc
@@ -76,7 +77,7 @@ class Spreading:
         for row in np.flatnonzero(whether < self.rate * np.where(fires.out, 0.0, fires.temperature)).tolist():
             away = fires.radius[row] + how_far[row] * self.reach + self.radius
             azimuth = 2.0 * math.pi * direction[row]
-            place = fires.position[row] + away * np.array([math.cos(azimuth), math.sin(azimuth)])
+            place = fires.position[row] + away * np.array(direction_of(azimuth))
             if np.count_nonzero(~fires.out) < self.most and self._is_free(model, place):
                 model.add_fire(place, area=self.area, temperature=self.temperature)
 
@@ -89,7 +90,7 @@ class Spreading:
             return False
         round_ones = ((model.fires.position, model.fires.radius), (model.swarm.position, model.swarm.radius))
         for centres, radii in round_ones:
-            if (np.hypot(*(centres - place).T) < radii + self.radius).any():
+            if (vector_lengths(*(centres - place).T) < radii + self.radius).any():
                 return False
         centre = disc(place, self.radius).geometry
         solids = find_occupied_room(model.obstacle_list)

@@ -12,6 +12,7 @@ import numpy as np
 
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.kernels.type_names import ByteRows, Flags, IntegerRows, Integers, RealRows
 
 EAST, WEST, NORTH, SOUTH, BLOCKED = 1, 2, 4, 8, 16
@@ -202,7 +203,7 @@ def open_cell(sides, frame, x, y):
             step = 1 if abs(k - i) == ring else 2 * ring
             for m in range(j - ring, j + ring + 1, step):
                 if 0 <= m < columns and not sides[k, m] & BLOCKED:
-                    distance = np.hypot((m - u) * width, (k - v) * height)
+                    distance = hypot((m - u) * width, (k - v) * height)
                     if distance < best:
                         best, best_i, best_j = distance, k, m
     return best_i, best_j

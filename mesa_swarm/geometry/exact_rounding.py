@@ -1,13 +1,10 @@
-"""Sums and lengths that round as CPython's do: `math.fsum` and `math.hypot`, whatever the library of C is."""
+"""Sums that round as CPython's do, `math.fsum`."""
 
-import math
-
-from mesa_swarm.geometry.outlines import add_exactly, multiply_exactly
+from mesa_swarm.geometry.outlines import add_exactly
 from mesa_swarm.kernels.compiled import compiled
 
 # More parts without common digits than a sum of floats can have.
 MOST_PARTS = 64
-LEAST_NORMAL = 2.0**-1022
 
 
 @compiled(apart=True)
@@ -54,32 +51,3 @@ def rounded_sum(n, parts):
         if rounded - total == double_error:
             return rounded
     return total
-
-
-@compiled(apart=True)
-def hypot(x, y):
-    """Return the length of a vector as `math.hypot` rounds it: correctly, but for one case in some millions.
-
-    Examples
-    --------
-    >>> hypot(3.0, 4.0)
-    5.0
-    """
-    x, y = abs(x), abs(y)
-    largest = max(x, y)
-    if not 0.0 < largest < math.inf:
-        return largest
-    unit = LEAST_NORMAL if largest < 0.25 * LEAST_NORMAL else 1.0
-    scale = math.ldexp(1.0, -math.frexp(largest / unit)[1])
-    total, error, small_error = 1.0, 0.0, 0.0
-    for part in (x / unit * scale, y / unit * scale):
-        square, rest = multiply_exactly(part, 0.0, part, 0.0)
-        total, low = add_exactly(total, square)
-        error += rest
-        small_error += low
-    length = math.sqrt(total - 1.0 + (error + small_error))
-    square, rest = multiply_exactly(-length, 0.0, length, 0.0)
-    total, low = add_exactly(total, square)
-    error += rest
-    small_error += low
-    return unit * ((length + (total - 1.0 + (error + small_error)) / (2.0 * length)) / scale)

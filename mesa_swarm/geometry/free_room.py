@@ -12,6 +12,7 @@ from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.grid import Grid, cell_index, list_boxes_by_cell
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import cos
 
 # With more solids, or more pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
 MOST_UNITED = 2_000
@@ -44,7 +45,7 @@ def circumscribed_ratio(quarter_segments: int) -> float:
     >>> round(circumscribed_ratio(16), 4)
     1.0012
     """
-    return 1.0 / math.cos(math.pi / (4 * quarter_segments))
+    return 1.0 / cos(math.pi / (4 * quarter_segments))
 
 
 def room_for_disc(

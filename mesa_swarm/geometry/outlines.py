@@ -13,6 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
 
 # Share of a sum of products below which the sign of their difference may be that of rounding, as in GEOS.
@@ -79,7 +80,7 @@ def outlines_of(geometries: Sequence[BaseGeometry], radius: Sequence[float] | np
 def place_solid(solid, x, y, heading, outlines):
     """Write where the points of a solid are, in the order of `local`, when its centre and its heading are these."""
     local, points, rings, boxes = outlines.local, outlines.points, outlines.rings, outlines.boxes
-    cosine, sine = math.cos(heading), math.sin(heading)
+    cosine, sine = direction_of(heading)
     for r in range(outlines.solids[solid], outlines.solids[solid + 1]):
         boxes[r, 0] = boxes[r, 1] = math.inf
         boxes[r, 2] = boxes[r, 3] = -math.inf

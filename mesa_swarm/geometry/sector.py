@@ -9,6 +9,7 @@ points along +x, y is to the left. The half angle h is given as (cos h, sin h), 
 import math
 
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of
 
 # A segment nearer than this (rad) to a ray's direction is taken as parallel to it.
 PARALLEL = 1e-12
@@ -29,7 +30,7 @@ def half_angle(field_of_view: float) -> tuple[float, float]:
     """
     exact = {0.0: (1.0, 0.0), math.pi: (0.0, 1.0), 2 * math.pi: (-1.0, 0.0)}
     half = field_of_view / 2
-    return exact.get(field_of_view, (math.cos(half), math.sin(half)))
+    return exact.get(field_of_view, direction_of(half))
 
 
 @compiled
@@ -178,7 +179,8 @@ def rays_to_disc(x: float, y: float, radius: float, half: float, rays: int, limi
     nearest = math.inf
     for k in range(rays):
         azimuth = ray_azimuth(k, rays, half)
-        nearest = min(nearest, ray_to_disc(x, y, radius, math.cos(azimuth), math.sin(azimuth)))
+        cosine, sine = direction_of(azimuth)
+        nearest = min(nearest, ray_to_disc(x, y, radius, cosine, sine))
     return nearest if nearest <= limit else math.inf
 
 
@@ -194,7 +196,8 @@ def rays_to_segment(ax: float, ay: float, bx: float, by: float, half: float, ray
     nearest = math.inf
     for k in range(rays):
         azimuth = ray_azimuth(k, rays, half)
-        nearest = min(nearest, ray_to_segment(ax, ay, bx, by, math.cos(azimuth), math.sin(azimuth)))
+        cosine, sine = direction_of(azimuth)
+        nearest = min(nearest, ray_to_segment(ax, ay, bx, by, cosine, sine))
     return nearest if nearest <= limit else math.inf
 
 

@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from numba import njit, typeof
+from numba import njit
 from numba.core import cgutils
 from numba.core.codegen import ll
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
@@ -154,25 +154,3 @@ def _describe_function(function: Callable[..., Any]) -> tuple[str, str]:
 def stem_of(function: Callable[..., Any]) -> str:
     """Return the name of a function of the package, as in `kernels/needed.json` and in names of files."""
     return f"{function.__module__.removeprefix(f'{PACKAGE.name}.')}.{function.__qualname__}"
-
-
-def compile_custom(function: Callable[..., Any]) -> Any:
-    """Compile a user's function when it is first called; it releases the GIL and is not stored on disk.
-
-    Bounds are checked: an index too large would otherwise read another robot's memory.
-
-    Examples
-    --------
-    >>> compile_custom(lambda x: 2 * x)(21)
-    42
-    """
-    return njit(error_model="numpy", boundscheck=True, nogil=True)(function)
-
-
-def is_refused(compiled: Any, values: tuple) -> bool:
-    """Return whether Numba refuses to compile a function for these values; else an error is one of the function."""
-    try:
-        compiled.compile(tuple(map(typeof, values)))
-    except Exception:  # Numba's own code raises ordinary errors too
-        return True
-    return False

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit, typeof
 
 from mesa_swarm.kernels.block import SIGNATURE, unpack
-from mesa_swarm.kernels.compiled import compile_custom
+from mesa_swarm.kernels.custom_functions import compile_custom
 from mesa_swarm.kernels.draws import Stream, draw_number
 from mesa_swarm.kernels.type_names import name_type
 

@@ -1,7 +1,10 @@
-"""Random numbers in compiled functions: drawn from a model's own streams, the same as NumPy's generator draws.
+"""Random numbers in compiled functions: drawn from a model's own streams, or a function of a key and of what asks.
 
 A compiled function calls NumPy's function that draws one number, by its address, with the address of the state of the
 generator. So the stream moves on as if Python had drawn, and what is stored, copied or drawn later is the same.
+
+Where it may not depend on others how many numbers one has drawn before, they are counter-based: `draw_at` mixes a key,
+which a stream gives, with numbers of what asks (J. K. Salmon and others, 2011, SC '11, for the idea).
 """
 
 import ctypes
@@ -13,6 +16,9 @@ from numba.core.cgutils import ir
 from numba.extending import intrinsic
 
 from mesa_swarm.kernels.compiled import compiled
+
+# Of SplitMix64 (G. L. Steele, D. Lea and C. H. Flood, 2014, OOPSLA '14).
+GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 
 
 class Stream(NamedTuple):
@@ -116,3 +122,36 @@ def draw_between(stream: Stream, low: float, high: float) -> float:
 def draw_word(words: Words) -> int:
     """Return 64 random bits, as ``generator.integers(2**64, dtype=uint64)`` does; for compiled functions."""
     return _call_for_word(words.draw, words.state)  # type: ignore[call-arg]
+
+
+@compiled
+def mix_bits(bits):
+    """Return 64 bits that all depend on all of those given (the finaliser of SplitMix64)."""
+    bits = (bits ^ (bits >> np.uint64(30))) * FIRST_FACTOR
+    bits = (bits ^ (bits >> np.uint64(27))) * SECOND_FACTOR
+    return bits ^ (bits >> np.uint64(31))
+
+
+@compiled
+def mix_number(bits, number):
+    """Return 64 bits that depend on all of those given, and on a whole number."""
+    return mix_bits(bits + GOLDEN * np.uint64(number))
+
+
+@compiled
+def number_of_bits(bits):
+    """Return the number in [0, 1) that the first 53 of 64 bits are."""
+    return (bits >> np.uint64(11)) * 2.0**-53
+
+
+@compiled
+def draw_at(key, first, second):
+    """Return a number in [0, 1) that a key of 64 bits and two whole numbers decide, such as a robot's and a count.
+
+    Examples
+    --------
+    >>> key = np.uint64(1)
+    >>> draw_at(key, 2, 3) == draw_at(key, 2, 3), draw_at(key, 2, 3) == draw_at(key, 3, 2)
+    (True, False)
+    """
+    return number_of_bits(mix_number(mix_number(key, first), second))

@@ -1,13 +1,12 @@
 """Actions, Boltzmann's choice among them, and inputs of networks."""
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import exp
 from mesa_swarm.robots.design import RANGE
 from mesa_swarm.world.statics import FIRE, LOAD, ROBOT
 
@@ -60,7 +59,8 @@ def boltzmann(values: ArrayLike, temperature: float) -> np.ndarray:
     array = as_floats(values)
     if array.ndim != 1 or not len(array) or not np.isfinite(array).all():
         raise InvalidValueError(f"values is {shortened(values)}; expected a row of finite numbers")
-    shares = np.exp((array - array.max()) / check_number("temperature", temperature, above=0))
+    warmth = check_number("temperature", temperature, above=0)
+    shares = np.array([exp((value - array.max()) / warmth) for value in array])
     return shares / shares.sum()
 
 
@@ -131,10 +131,10 @@ def chosen(values, temperature, chance):
         best = max(best, values[a])
     total = 0.0
     for a in range(values.shape[0]):
-        total += math.exp((values[a] - best) / temperature)
+        total += exp((values[a] - best) / temperature)
     left = chance * total
     for a in range(values.shape[0]):
-        left -= math.exp((values[a] - best) / temperature)
+        left -= exp((values[a] - best) / temperature)
         if left < 0.0:
             return a
     return best_of(values)  # a chance near 1, by rounding

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, shortened, without_middle
 from mesa_swarm.base.files import write_all
 from mesa_swarm.control import conditions as kinds_of
@@ -18,6 +16,7 @@ from mesa_swarm.control.conditions import Condition
 from mesa_swarm.control.explore import Explore
 from mesa_swarm.control.follow import Follow
 from mesa_swarm.control.state_machine import StateMachine
+from mesa_swarm.kernels.elementary import angles_of, directions_of
 from mesa_swarm.learning.c_source import NUMBERS, Writer, checked_name, place_of
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, DesignTable, RobotDesign
@@ -144,10 +143,10 @@ class Program:
         if "follow" in self.functions:
             tables["bearings"] = bearings
         if "steer_things" in self.functions:
-            tables |= {"ahead": np.cos(bearings), "to_left": np.sin(bearings)}
+            tables |= dict(zip(("ahead", "to_left"), directions_of(bearings), strict=True))
         if "steer_heat" in self.functions:
-            azimuth = np.arctan2(self.table.radiation[0][:, AXIS_Y], self.table.radiation[0][:, AXIS_X])
-            tables |= {"heat_ahead": np.cos(azimuth), "heat_to_left": np.sin(azimuth)}
+            azimuth = angles_of(self.table.radiation[0][:, AXIS_Y], self.table.radiation[0][:, AXIS_X])
+            tables |= dict(zip(("heat_ahead", "heat_to_left"), directions_of(azimuth), strict=True))
         return "".join(self.writer.array(name, values) for name, values in tables.items())
 
     def _call(self, function: str, *arguments: object) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.kernels.elementary import cos
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, as_floats, boltzmann, checked_actions, describe_value
 from mesa_swarm.learning.reward_lab import wall_readings
 from mesa_swarm.learning.rewards import CRITICAL, REWARD_STATES, REWARDS, STATE, rewarded
@@ -204,7 +205,7 @@ class _Wall:
         """Return the distances after an action, in cells: the chord of an arc, or a straight move."""
         turned = (right - left) * self.turn if self.turning == "exact" else 0.0
         chord = 0.5 * (left + right) * self.cells * np.sinc(0.5 * turned / math.pi)
-        towards = chord * math.cos(heading + 0.5 * turned)
+        towards = chord * cos(heading + 0.5 * turned)
         places = np.arange(len(self.distance)) - towards
         return np.clip(np.where(np.abs(places - places.round()) < EQUAL, places.round(), places), 0, len(places) - 1)
 

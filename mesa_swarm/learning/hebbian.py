@@ -12,6 +12,7 @@ from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.control.layer import RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import sin
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.learner import (
@@ -249,7 +250,7 @@ def reflex_to(distance, bearing, i, d, contact):
         if 0.0 <= distance[i, s] <= contact:
             if abs(bearing[d, s]) <= ASIDE:
                 ahead = True
-                side += math.sin(bearing[d, s])
+                side += sin(bearing[d, s])
             else:
                 behind = True
     push = 1.0 if behind else 0.0

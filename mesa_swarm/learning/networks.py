@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import exp, tanh
 from mesa_swarm.learning.actions import ENCODINGS, as_floats, describe_value
 from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
 
@@ -348,9 +349,9 @@ def activated(kind, gain, x):
     if kind == LINEAR:
         return gain * x, gain
     if kind in (STEP, LOGISTIC):
-        y = 1.0 / (1.0 + math.exp(-gain * x))
+        y = 1.0 / (1.0 + exp(-gain * x))
         return (y if kind == LOGISTIC else 1.0 if x >= 0.0 else 0.0), gain * y * (1.0 - y)
-    y = math.tanh(gain * x)
+    y = tanh(gain * x)
     return y, gain * (1.0 - y * y)
 
 
@@ -366,7 +367,7 @@ def forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden):
             hidden[h] += inner[m, k, h] * x
     y = outer_bias[m]
     for h in range(units):
-        hidden[h] = math.tanh(hidden[h])
+        hidden[h] = tanh(hidden[h])
         y += outer[m, h] * hidden[h]
     return y
 

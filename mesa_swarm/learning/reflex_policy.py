@@ -1,6 +1,5 @@
 """Reflexes: weights from readings to wheels, with optional recurrent units and mirror symmetry."""
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any, ClassVar, Self
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import tanh
 from mesa_swarm.learning.policy import (
     DOUBLE,
     LearnedPolicy,
@@ -205,7 +205,7 @@ def react(distance, kind, ranges, hidden, wheel, squash, typed, chance, numbers,
             senses[inputs + u] = memory[i, u]
         senses[inputs + units] = 2.0 * chance[i] - 1.0
         for u in range(units):
-            outputs[u] = math.tanh(weighted(hidden, copy, u, senses))
+            outputs[u] = tanh(weighted(hidden, copy, u, senses))
         for u in range(units):
             senses[inputs + u] = outputs[u]
             memory[i, u] = outputs[u]
@@ -237,7 +237,7 @@ def squashed_sum(squash, total):
         return min(max(total, -1.0), 1.0)
     if squash == 1:
         return 1.0 if total > 0.0 else -1.0
-    return math.tanh(total)
+    return tanh(total)
 
 
 def half_length(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.kernels.elementary import cos, direction_of
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann, checked_actions
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.q_learning import QPolicy
@@ -203,13 +204,13 @@ def wall_readings(design: RobotDesign, gaps: ArrayLike, wall_degrees: float = 0.
     `gaps` (p,) are from the robot's rim to the wall; `wall_degrees` is the bearing of its nearest point.
     """
     towards = math.radians(check_number("wall_degrees", wall_degrees, minimum=-180, maximum=180))
-    normal = np.array([math.cos(towards), math.sin(towards)])
+    normal = np.array(direction_of(towards))
     away = design.radius + np.asarray(gaps, float)
     readings = np.full((len(away), len(SensorLayout.of(design))), -1.0)
     for s, sensor in enumerate(design.proximity):
         bearing = math.radians(sensor.bearing_degrees)
         off = abs(math.remainder(bearing - towards, math.tau)) - math.radians(sensor.field_of_view_degrees) / 2
-        facing = math.cos(max(off, 0.0))
+        facing = cos(max(off, 0.0))
         if facing > LEVEL:
             along = (away - np.dot(mount_of(sensor, design.radius), normal)) / facing
             readings[:, s] = np.where(along <= sensor.range, np.maximum(along, 0.0), -1.0)

@@ -4,6 +4,7 @@ import math
 
 from mesa_swarm.base.errors import check_choice, check_number
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import log
 
 REWARDS = ("a", "b", "c")
 # The state by whose readings an action is rewarded: the one in which it was chosen, as in the thesis, or the next.
@@ -64,7 +65,7 @@ def reward(kind: str, nearest: float, left: float, right: float, critical: float
 def rewarded(kind, nearest, left, right, critical):
     """Return the reward; `kind` is an index into `REWARDS`."""
     if nearest < critical:
-        return math.log((math.e - 1.0) / critical * nearest + 1.0) - 1.0
+        return log((math.e - 1.0) / critical * nearest + 1.0) - 1.0
     if kind == 0:
         return 0.5 * (left + right)
     ahead = max(2.0 * min(left, right) - 1.0, -1.0)

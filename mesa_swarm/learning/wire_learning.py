@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.control.layer import Senses, columns_for
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import log, tanh
 from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, least_of, write_inputs
 from mesa_swarm.learning.learner import LARGEST, Check, Learner, adapt, discount_of, end_lesson, is_bounded, rate_of
 from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward
@@ -99,7 +100,7 @@ def distance_to(left, right, wire_left, wire_right, below, smoothing, tiny):
 @compiled
 def squashed(output, start):
     """Return a wheel command in (-1, 1) from a network's output: 0 gives `start`."""
-    return math.tanh(output + math.atanh(start))
+    return tanh(output + 0.5 * log((1.0 + start) / (1.0 - start)))
 
 
 # Wires begin at the thesis's actions, but inside of the limits, so that they can move.

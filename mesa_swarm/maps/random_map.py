@@ -7,6 +7,7 @@ import shapely
 
 from mesa_swarm.base.errors import check_count, check_number
 from mesa_swarm.base.streams import Streams
+from mesa_swarm.kernels.elementary import direction_of
 from mesa_swarm.maps.map import Map
 from mesa_swarm.maps.map_parts import FireSpot, check_items
 from mesa_swarm.world.placement import free_space
@@ -109,8 +110,8 @@ def _draw_shape(extent: tuple[float, float], rng: np.random.Generator) -> Shape 
     if rng.random() < SHARE_OF_DISCS:
         return disc(centre, rng.uniform(*RADII))
     length, thickness, turn = rng.uniform(*LENGTHS), rng.uniform(*THICKNESSES), rng.uniform(0, math.pi)
-    along = np.array([math.cos(turn), math.sin(turn)]) * length / 2
-    across = np.array([-math.sin(turn), math.cos(turn)]) * thickness / 2
+    x, y = direction_of(turn)
+    along, across = np.array([x, y]) * length / 2, np.array([-y, x]) * thickness / 2
     corners = centre + np.array([along + across, along - across, -along - across, -along + across])
     inside = (corners >= 0).all() and (corners <= extent).all()
     return polygon(corners) if inside else None

@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.elementary import direction_of
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.model.state_hash import describe_bodies
 from mesa_swarm.physics.driven_bodies import BeginArrays, EndArrays, Moving, begin_ways, end_ways
@@ -480,7 +481,7 @@ class BodiesPart(Part):
         distance = float(robot.radius) + CLEAR * body.form.reach
         for turn in PUT_DOWN:
             azimuth = float(robot.heading) + turn
-            x, y = robot.position + distance * np.array([np.cos(azimuth), np.sin(azimuth)])
+            x, y = robot.position + distance * np.array(direction_of(azimuth))
             pose = float(x), float(y), wrap_angle(azimuth)
             if self._has_room_for(body, pose):
                 self._put_down(body, pose)

@@ -23,7 +23,7 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.control.source import normal_source, own_randomness
 from mesa_swarm.kernels.block import Block
-from mesa_swarm.kernels.compiled import compile_custom
+from mesa_swarm.kernels.custom_functions import compile_custom
 from mesa_swarm.kernels.custom_kernels import CHANCE, STEP, kernel_of_function
 from mesa_swarm.kernels.draws import stream_of
 from mesa_swarm.kernels.part import Kernel
@@ -157,7 +157,11 @@ class ProcessRule(Process):
             ) from error
 
     def _stream(self, model: Any) -> np.random.Generator:
-        return model.streams[f"process {self.__name__}"]
+        """Return the stream of `chance`: of several processes of one name each has its own."""
+        processes = model.parts.processes.numbered.values()
+        namesakes = [process for process in processes if getattr(process, "__name__", "") == self.__name__]
+        place = next((k for k, process in enumerate(namesakes, 1) if process is self), 1)
+        return model.streams[f"process {self.__name__}" + (f" {place}" if place > 1 else "")]
 
     def arguments(self, model: Any) -> dict[str, Any]:
         """Return arrays and numbers by the names that the function takes; `chance` is 0 until it is drawn."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from mesa_swarm.base.errors import InvalidValueError, read_attribute, shortened
 from mesa_swarm.kernels.part import Itself, Part, Phase, Stage, kernel_of
@@ -42,6 +42,9 @@ class Process(Protocol):
     def step(self, model: Any) -> None:
         """Advance by one step; called after contacts are resolved, in the order in which processes were added."""
         return
+
+
+ProcessT = TypeVar("ProcessT", bound=Process)
 
 
 class ProcessesPart(Part):
@@ -108,7 +111,7 @@ class ProcessesPart(Part):
             for name, value in values.items():
                 object.__setattr__(process, name, value)
 
-    def add_process(self, process: Process) -> Process:
+    def add_process(self, process: ProcessT) -> ProcessT:
         """Add what happens in each step besides robots, after contacts are resolved, and return it.
 
         Parameters

@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.base.errors import InvalidValueError, PlacementError, check_choice, check_count, check_number, shortened
 from mesa_swarm.geometry.free_room import room_to_try
+from mesa_swarm.kernels.elementary import direction_of
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.processes import Process
 from mesa_swarm.world.bodies import Body, BodyTable, placed
@@ -116,7 +117,8 @@ def _random_shape(x: float, y: float, size: float, forms: str, rng: np.random.Ge
     if forms == "discs" or (forms == "both" and which < 0.5):
         return disc((x, y), reach)
     diagonal = DIAGONALS[0] + (DIAGONALS[1] - DIAGONALS[0]) * turn
-    half_width, half_height = reach * math.cos(diagonal), reach * math.sin(diagonal)
+    cosine, sine = direction_of(diagonal)
+    half_width, half_height = reach * cosine, reach * sine
     return rectangle((x - half_width, y - half_height), (x + half_width, y + half_height))
 
 
@@ -209,7 +211,8 @@ class Wander(Process):
         if body.blocked or math.isnan(self.azimuth[place]):
             self.azimuth[place] = rng.uniform(-math.pi, math.pi)
         for _ in range(TRIES):
-            step = self.speed * math.cos(self.azimuth[place]), self.speed * math.sin(self.azimuth[place])
+            x, y = direction_of(self.azimuth[place])
+            step = self.speed * x, self.speed * y
             if obstacles.permit(row, step):
                 return step
             self.azimuth[place] = rng.uniform(-math.pi, math.pi)

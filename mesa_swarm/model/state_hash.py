@@ -32,6 +32,9 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.shapes import Shape
 
+# Raised whenever a seed gives other bits than before: 2 since the elementary functions are our own, rules draw by
+# counters, and two layers of one name have a stream each. Recordings and ledgers store it.
+ENGINE_BITS = 2
 # Columns that depend on the order in which things were created are not part of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 # Attributes of arbiters that are described apart, or follow from what is.

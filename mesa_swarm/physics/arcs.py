@@ -4,6 +4,7 @@ import math
 
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of, sin
 
 # A motion may overlap at most this share of a radius before contact is resolved.
 LONGEST_PIECE = 0.5
@@ -48,7 +49,7 @@ def sinc(half_turn: float) -> float:
     """Return sin(a) / a, the length of an arc's chord relative to the arc, which turns by 2 a."""
     if abs(half_turn) < 1e-4:
         return 1.0 - half_turn * half_turn / 6.0
-    return math.sin(half_turn) / half_turn
+    return sin(half_turn) / half_turn
 
 
 @compiled
@@ -61,7 +62,7 @@ def move_along_arc(heading, ahead, left, turn, pieces):
     turn = turn / pieces
     half_way = heading + turn / 2.0
     chord = sinc(turn / 2.0) / pieces
-    cosine, sine = math.cos(half_way), math.sin(half_way)
+    cosine, sine = direction_of(half_way)
     return chord * (cosine * ahead - sine * left), chord * (sine * ahead + cosine * left), wrap_angle(heading + turn)
 
 
@@ -90,7 +91,7 @@ def write_achieved_motion(start, position, start_heading, extra_turn, collided, 
         dx, dy = position[i, 0] - start[i, 0], position[i, 1] - start[i, 1]
         motion[i, 2] += extra_turn[i]
         if abs(chord) > 1e-6:
-            cosine, sine = math.cos(half_way), math.sin(half_way)
+            cosine, sine = direction_of(half_way)
             motion[i, 0] = (cosine * dx + sine * dy) / chord
             motion[i, 1] = (cosine * dy - sine * dx) / chord
 

@@ -9,7 +9,8 @@ from mesa_swarm.geometry.grid import CellLists, Grid, GridNumbers, cell_index, c
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import Words, draw_word
+from mesa_swarm.kernels.draws import Words, draw_at, draw_word
+from mesa_swarm.kernels.elementary import atan2, direction_of, hypot
 from mesa_swarm.kernels.part import Kernel, Prepared
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
@@ -25,7 +26,6 @@ NO_LISTS = CellLists((0.0, 0.0, 0.0, 1, 1), np.zeros(2, np.int64), np.empty(0, n
 OF_SENDERS = ("position", "heading", "number", "layer", "task", "sent_goal")
 OF_HEARERS = ("heard_layer", "heard_task", "heard_from", "heard_goal")
 NO_OWNERS = np.empty(0, np.int64)
-GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 
 
 class MessageArrays(NamedTuple):
@@ -200,7 +200,7 @@ def deliver_messages(messages, senders):
 def send_goals(position, heading, goal, sent_goal):
     """Write the places on the map of goals that are given in the robots' own frames; NaN stays NaN."""
     for i in range(position.shape[0]):
-        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        cosine, sine = direction_of(heading[i])
         sent_goal[i, 0] = position[i, 0] + cosine * goal[i, 0] - sine * goal[i, 1]
         sent_goal[i, 1] = position[i, 1] + sine * goal[i, 0] + cosine * goal[i, 1]
 
@@ -281,11 +281,11 @@ def hear_messages(
                     place -= 1
                 distance[i, place], senders[i, place] = square, j
         count[i] = heard
-        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        cosine, sine = direction_of(heading[i])
         for k in range(heard):
             j = senders[i, k]
             ahead, aside = rotate_into_frame(position[j, 0] - x, position[j, 1] - y, cosine, sine)
-            distance[i, k], bearing[i, k] = math.sqrt(distance[i, k]), math.atan2(aside, ahead)
+            distance[i, k], bearing[i, k] = math.sqrt(distance[i, k]), atan2(aside, ahead)
 
 
 @compiled
@@ -345,7 +345,8 @@ def put_in_frames(position, heading, points, rows, out):
         out[i, 0], out[i, 1] = math.nan, math.nan
         if rows[i] >= 0:
             dx, dy = points[rows[i], 0] - position[i, 0], points[rows[i], 1] - position[i, 1]
-            out[i, 0], out[i, 1] = rotate_into_frame(dx, dy, math.cos(heading[i]), math.sin(heading[i]))
+            cosine, sine = direction_of(heading[i])
+            out[i, 0], out[i, 1] = rotate_into_frame(dx, dy, cosine, sine)
 
 
 @compiled
@@ -408,19 +409,10 @@ def item_meets(item, ax, ay, bx, by, edges, discs):
     if disc >= discs.shape[0]:
         return False
     x, y, _ = nearest_on_segment(discs[disc, 0], discs[disc, 1], ax, ay, bx, by)
-    return math.hypot(x - discs[disc, 0], y - discs[disc, 1]) <= discs[disc, 2]
+    return hypot(x - discs[disc, 0], y - discs[disc, 1]) <= discs[disc, 2]
 
 
 @compiled
 def is_lost(word, sender, hearer, probability):
     """Return whether a broadcast is lost, by a hash of the step's word and both numbers: independent of order."""
-    bits = mix_bits(mix_bits(word + GOLDEN * np.uint64(sender)) + GOLDEN * np.uint64(hearer))
-    return (bits >> np.uint64(11)) * 2.0**-53 < probability
-
-
-@compiled
-def mix_bits(bits):
-    """Return 64 bits that all depend on all of those given (the finaliser of SplitMix64)."""
-    bits = (bits ^ (bits >> np.uint64(30))) * FIRST_FACTOR
-    bits = (bits ^ (bits >> np.uint64(27))) * SECOND_FACTOR
-    return bits ^ (bits >> np.uint64(31))
+    return draw_at(word, sender, hearer) < probability

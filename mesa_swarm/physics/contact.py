@@ -15,6 +15,7 @@ from mesa_swarm.geometry.grid import CellLists, cell_at
 from mesa_swarm.geometry.overlap import nearest_on_segment
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of, hypot
 from mesa_swarm.kernels.type_names import Codes, Integers, RealRows, Reals
 from mesa_swarm.physics.driven_bodies import MoverArrays
 from mesa_swarm.robots.swarm import Swarm
@@ -136,7 +137,7 @@ def edge_overlap(x, y, radius, edges, e):
     if gap > ON_FACE * radius or (gap > 0.0 and not face):
         return radius - gap, dx / gap, dy / gap, face
     # On the edge: away from its solid side, which is on the left.
-    length = math.hypot(bx - ax, by - ay)
+    length = hypot(bx - ax, by - ay)
     nx, ny = (by - ay) / length, (ax - bx) / length
     return radius - (dx * nx + dy * ny), nx, ny, face
 
@@ -216,7 +217,8 @@ def coincident_direction(a, b):
     """Return a unit vector that depends only on two ids, for robots whose centres coincide."""
     azimuth = GOLDEN_ANGLE * (7919 * min(a, b) + max(a, b))
     side = 1.0 if a < b else -1.0
-    return side * math.cos(azimuth), side * math.sin(azimuth)
+    x, y = direction_of(azimuth)
+    return side * x, side * y
 
 
 @compiled

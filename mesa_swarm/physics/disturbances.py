@@ -8,6 +8,8 @@ import numpy as np
 
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import mix_number, number_of_bits
+from mesa_swarm.kernels.elementary import cos, exp, log
 from mesa_swarm.kernels.part import Kernel, Prepared
 from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.kernels.type_names import (
@@ -19,7 +21,6 @@ from mesa_swarm.kernels.type_names import (
     RealRows,
     Reals,
 )
-from mesa_swarm.physics.broadcasts import GOLDEN, mix_bits
 from mesa_swarm.robots.design import RANGE, places_of_custom_sensors
 from mesa_swarm.robots.drive import limit_length
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal
@@ -399,18 +400,14 @@ def drive_imperfectly(block, step, first, last):
 @compiled
 def draw_uniform(key, number, channel, moment, draw):
     """Return a number in [0, 1) that the key, robot, channel, moment and question decide."""
-    bits = mix_bits(key + GOLDEN * np.uint64(number))
-    bits = mix_bits(bits + GOLDEN * np.uint64(channel))
-    bits = mix_bits(bits + GOLDEN * np.uint64(moment))
-    bits = mix_bits(bits + GOLDEN * np.uint64(draw))
-    return (bits >> np.uint64(11)) * 2.0**-53
+    return number_of_bits(mix_number(mix_number(mix_number(mix_number(key, number), channel), moment), draw))
 
 
 @compiled
 def draw_normal(key, number, channel, moment):
     """Return a number of the standard normal distribution (Box and Muller 1958)."""
-    length = math.sqrt(-2.0 * math.log(1.0 - draw_uniform(key, number, channel, moment, LENGTH)))
-    return length * math.cos(2.0 * math.pi * draw_uniform(key, number, channel, moment, PHASE))
+    length = math.sqrt(-2.0 * log(1.0 - draw_uniform(key, number, channel, moment, LENGTH)))
+    return length * cos(2.0 * math.pi * draw_uniform(key, number, channel, moment, PHASE))
 
 
 @compiled
@@ -469,7 +466,7 @@ def spoil_wheels(
     """Replace commands by disturbed wheel speeds; add up the charge used, and break robots down."""
     error, dropout, outliers, hold, period, lag = limits
     failure, slip_probability, slip_magnitude = wear
-    moment, share = step // hold, 1.0 - math.exp(-1.0 / lag) if lag > 0.0 else 1.0
+    moment, share = step // hold, 1.0 - exp(-1.0 / lag) if lag > 0.0 else 1.0
     for i in range(command.shape[0]):
         if draw_uniform(key, number[i], BODY, step, FATE) < failure:
             broken[i] = True

@@ -16,6 +16,7 @@ from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of, hypot, sin, vector_lengths
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
 from mesa_swarm.physics.arcs import copy_places, least_radius
 from mesa_swarm.world.bodies import BodyTable, Form
@@ -152,7 +153,7 @@ class Moving:
         outlines = MovingItems(local, edges, self.body_of[edges], disc_row, self.body_of[discs])
         self.start, self.start_heading = bodies.position.copy(), bodies.heading.copy()
         self._extent = np.concatenate(
-            [np.hypot(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[disc_row, 2]]
+            [vector_lengths(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[disc_row, 2]]
         )
         self.items = np.concatenate([edges, discs])
         count = len(bodies)
@@ -250,8 +251,8 @@ def have_strayed(position, heading, loads, reference, reach, slack):
     """Return whether a point of a load may be farther than `slack` from where it was at the poses of reference."""
     for k in range(loads.shape[0]):
         b = loads[k]
-        shift = math.hypot(position[b, 0] - reference[k, 0], position[b, 1] - reference[k, 1])
-        chord = 2.0 * abs(math.sin((heading[b] - reference[k, 2]) / 2.0))
+        shift = hypot(position[b, 0] - reference[k, 0], position[b, 1] - reference[k, 1])
+        chord = 2.0 * abs(sin((heading[b] - reference[k, 2]) / 2.0))
         if shift + reach[k] * chord > slack:
             return True
     return False
@@ -295,7 +296,7 @@ def place_items(position, heading, outlines, edges, discs):
     local, edge_row, edge_body, disc_row, disc_body = outlines
     for k in range(local.shape[0]):
         b, row = edge_body[k], edge_row[k]
-        cosine, sine = math.cos(heading[b]), math.sin(heading[b])
+        cosine, sine = direction_of(heading[b])
         edges[row, 0] = cosine * local[k, 0] - sine * local[k, 1] + position[b, 0]
         edges[row, 1] = sine * local[k, 0] + cosine * local[k, 1] + position[b, 1]
         edges[row, 2] = cosine * local[k, 2] - sine * local[k, 3] + position[b, 0]
@@ -349,7 +350,7 @@ def bound_of_way(b, movers):
         return 0.0
     aim, start = movers.aim, movers.start
     turn = abs(wrap_angle(movers.aim_heading[b] - movers.start_heading[b]))
-    return math.hypot(aim[b, 0] - start[b, 0], aim[b, 1] - start[b, 1]) + movers.reach[b] * turn
+    return hypot(aim[b, 0] - start[b, 0], aim[b, 1] - start[b, 1]) + movers.reach[b] * turn
 
 
 @compiled

@@ -5,7 +5,6 @@ from typing import NamedTuple, cast
 import numpy as np
 import shapely
 
-from mesa_swarm.geometry.exact_rounding import hypot
 from mesa_swarm.geometry.outlines import (
     Outlines,
     gap_of,
@@ -16,6 +15,7 @@ from mesa_swarm.geometry.outlines import (
     place_solid,
 )
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.kernels.type_names import Codes, Integers, RealRows, Reals
 from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.statics import CARRIED, Statics
@@ -77,7 +77,6 @@ class Room(NamedTuple):
     forms: Forms
     near: Integers
     stops: Stops
-    two: float
 
 
 def room_of(statics: Statics, bodies: BodyTable, pushed: np.ndarray, sent: np.ndarray, rows: np.ndarray) -> Room:
@@ -109,7 +108,6 @@ def room_of(statics: Statics, bodies: BodyTable, pushed: np.ndarray, sent: np.nd
         ),
         near=np.zeros(len(solids), np.int64),
         stops=Stops(*(np.zeros(most) for _ in Stops._fields)),
-        two=2.0,
     )
 
 

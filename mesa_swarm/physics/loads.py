@@ -25,11 +25,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.exact_rounding import MOST_PARTS, exact_sum, hypot
+from mesa_swarm.geometry.exact_rounding import MOST_PARTS, exact_sum
 from mesa_swarm.geometry.outlines import gap_to_point, nearest_to_point
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of, hypot
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
 from mesa_swarm.physics.arcs import LONGEST_PIECE, sinc
 from mesa_swarm.physics.contact import SLOP
@@ -165,7 +166,7 @@ def push_loads(robots, poses, resistance, room, pushes, pushers, has_moved):
         pushers[row] = count
         x, y, heading = poses.position[row, 0], poses.position[row, 1], poses.heading[row]
         longest = min(LONGEST_PIECE * least, room.forms.thickness[k])
-        move_load(k, count, longest, resistance[row] ** room.two, poses, room, pushes)
+        move_load(k, count, longest, resistance[row] * resistance[row], poses, room, pushes)
         has_moved[row] = poses.position[row, 0] != x or poses.position[row, 1] != y or poses.heading[row] != heading
 
 
@@ -193,7 +194,7 @@ def find_push(i, k, way, place, robots, poses, room, pushes):
     nx, ny = (px - qx) / length, (py - qy) / length
     ahead, left, turn = robots.motion[i, 0], robots.motion[i, 1], robots.motion[i, 2]
     half_way, chord = robots.heading[i] + turn / 2.0, sinc(turn / 2.0)
-    cosine, sine = math.cos(half_way), math.sin(half_way)
+    cosine, sine = direction_of(half_way)
     speed = chord * ((cosine * ahead - sine * left) * nx + (sine * ahead + cosine * left) * ny)
     pushes.way[place] = speed - max(length - room.forms.radius[k] - robots.radius[i], 0.0)
     pushes.x[place], pushes.y[place] = nx, ny
@@ -249,8 +250,7 @@ def twist_of(wrench, count, resistance_square, longest, k, room, pushes):
     """Return whether load k moves in this step, and its motion: x, y, turn."""
     force_x, force_y, torque = wrench
     turn = torque / room.forms.lever_square[k]
-    # Python's square is the power of C, which now and then rounds otherwise than a product.
-    dissipation = force_x**room.two + force_y**room.two + turn * torque
+    dissipation = force_x * force_x + force_y * force_y + turn * torque
     if dissipation <= resistance_square * (1.0 + EQUAL):
         return False, 0.0, 0.0, 0.0
     for p in range(count):
@@ -278,7 +278,8 @@ def free_wrench(wrench, count, k, room):
     hair = HAIR * hypot(x, y)
     for s in range(count):
         stops.force[s] = 0.0
-        stops.yielding[s] = 1.0 + (stops.arm[s] / room.forms.lever[k]) ** room.two
+        lever = stops.arm[s] / room.forms.lever[k]
+        stops.yielding[s] = 1.0 + lever * lever
     for _ in range(ROUNDS):
         for s in range(count):
             leaving = x * stops.x[s] + y * stops.y[s] + torque * stops.arm[s] / lever_square

@@ -13,6 +13,7 @@ from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.grid import CellLists, Grid, GridNumbers, cell_index
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import atan2, direction_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.physics.broadcasts import NO_LISTS, is_cut_but, is_nearer_robot, sorted_senders
@@ -64,11 +65,11 @@ def read_neighbours(
                     squares[place], nearest[place] = squares[place - 1], nearest[place - 1]
                     place -= 1
                 squares[place], nearest[place] = square, j
-        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        cosine, sine = direction_of(heading[i])
         for k in range(count):
             j = nearest[k]
             ahead, aside = rotate_into_frame(places[j, 0] - x, places[j, 1] - y, cosine, sine)
-            out[i, step * k], out[i, step * k + 1] = math.sqrt(squares[k]), math.atan2(aside, ahead)
+            out[i, step * k], out[i, step * k + 1] = math.sqrt(squares[k]), atan2(aside, ahead)
             if lamp:
                 out[i, step * k + 2] = lamps[j]
 

@@ -9,6 +9,7 @@ from mesa_swarm.geometry.grid import GridNumbers
 from mesa_swarm.geometry.overlap import is_in_polygon
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of, hypot
 from mesa_swarm.physics.contact import SLOP, deepest_static, push_all_from_statics
 from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
 from mesa_swarm.physics.separation import MARGIN, SETTLED, STRAYED, separate, separate_near
@@ -97,7 +98,7 @@ def find_room(i, position, radius, statics, rings, apart):
     """Move robot i to the first free place on growing rings around it and return whether there is one."""
     bounds = statics.bounds
     x, y = position[i, 0], position[i, 1]
-    farthest = 2.0 * math.hypot(bounds[2] - bounds[0], bounds[3] - bounds[1])
+    farthest = 2.0 * hypot(bounds[2] - bounds[0], bounds[3] - bounds[1])
     distance = 0.0
     while distance < farthest:
         # Larger rings are searched more coarsely, or a large map would take very long.
@@ -105,7 +106,8 @@ def find_room(i, position, radius, statics, rings, apart):
         places = 16 + min(int(2.0 * math.pi * distance / (RING * radius[i])), 720)
         for k in range(places):
             azimuth = 2.0 * math.pi * k / places
-            px, py = x + distance * math.cos(azimuth), y + distance * math.sin(azimuth)
+            cosine, sine = direction_of(azimuth)
+            px, py = x + distance * cosine, y + distance * sine
             if is_free(px, py, radius[i], statics, rings) and not (apart and overlaps_any(i, px, py, position, radius)):
                 position[i, 0], position[i, 1] = px, py
                 return True

@@ -10,6 +10,7 @@ from mesa_swarm.geometry.overlap import is_in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of, hypot
 from mesa_swarm.kernels.type_names import CodeRows, Codes, Integers, RealRows, Reals, RealTables
 from mesa_swarm.physics.crowd import CrowdArrays
 from mesa_swarm.physics.driven_bodies import MoverArrays
@@ -133,7 +134,7 @@ def _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, nea
     for k in range(end - begin):
         i = order[begin + k]
         designs[k] = design[i]
-        axes[k, 0], axes[k, 1] = math.cos(heading[i]), math.sin(heading[i])
+        axes[k, 0], axes[k, 1] = direction_of(heading[i])
         for s in range(near.shape[1]):
             near[k, s] = sensors[designs[k], s, RANGE]
             kinds[k, s] = NOTHING
@@ -332,7 +333,7 @@ def sense_inside(position, heading, design, sensors, counts, edges, edge_kind, r
     """Write 0 for the sensors that are inside a solid polygon or beyond the border."""
     for i in range(position.shape[0]):
         d = design[i]
-        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        cosine, sine = direction_of(heading[i])
         for s in range(counts[d]):
             mx, my = sensors[d, s, MOUNT_X], sensors[d, s, MOUNT_Y]
             x = position[i, 0] + cosine * mx - sine * my
@@ -385,7 +386,8 @@ def sense_radiation(position, heading, design, sensors, radiating, radiation):
     heat = unpack(radiating, Radiating)
     for i in range(position.shape[0]):
         d = design[i]
-        pose = position[i, 0], position[i, 1], math.cos(heading[i]), math.sin(heading[i])
+        cosine, sine = direction_of(heading[i])
+        pose = position[i, 0], position[i, 1], cosine, sine
         for s in range(radiation.shape[1]):
             radiation[i, s] = 0.0
             if sensors[d, s, RANGE] >= 0.0:
@@ -437,7 +439,7 @@ def sense_line(position, heading, design, mounts, marks, rings, discs, line):
     """
     for i in range(position.shape[0]):
         d = design[i]
-        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        cosine, sine = direction_of(heading[i])
         for s in range(line.shape[1]):
             mx, my = mounts[d, s, 0], mounts[d, s, 1]
             x = position[i, 0] + cosine * mx - sine * my
@@ -447,5 +449,5 @@ def sense_line(position, heading, design, mounts, marks, rings, discs, line):
                 if is_in_polygon(x, y, marks, rings[p, 0], rings[p, 1]):
                     line[i, s] = True
             for k in range(discs.shape[0]):
-                if math.hypot(x - discs[k, 0], y - discs[k, 1]) <= discs[k, 2]:
+                if hypot(x - discs[k, 0], y - discs[k, 1]) <= discs[k, 2]:
                     line[i, s] = True

@@ -15,6 +15,7 @@ from mesa_swarm.geometry.grid import cell_at
 from mesa_swarm.geometry.overlap import is_in_polygon
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows
 from mesa_swarm.physics.arcs import copy_places, least_radius
 from mesa_swarm.physics.contact import (
@@ -333,7 +334,7 @@ def apply_pushes(position, push, radius, pairs, overlaps, awake, moved_rows):
             i = pairs[k, side]
             if push[i, 0] == 0.0 and push[i, 1] == 0.0:
                 continue
-            length = math.hypot(push[i, 0], push[i, 1])
+            length = hypot(push[i, 0], push[i, 1])
             share = min(1.0, 0.25 * radius[i] / length)
             position[i, 0] += share * push[i, 0]
             position[i, 1] += share * push[i, 1]

@@ -21,6 +21,7 @@ from shapely.geometry.polygon import orient
 
 from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
+from mesa_swarm.kernels.elementary import atan2, cos, direction_of, directions_of, vector_lengths
 from mesa_swarm.physics.arcs import advance_robots, count_pieces
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
 from mesa_swarm.physics.driven_bodies import LONGEST_STEP, MOST_PIECES
@@ -185,7 +186,7 @@ def _first_hit(ray: LineString, centre: Point, radius: float) -> float:
 def view_of(swarm: Swarm, i: int, sensor: np.ndarray, beyond: float) -> View:
     """Return the view of a sensor of robot i, a row of `DesignTable.proximity` or `radiation`; see `reach_beyond`."""
     apex = place_in_world(swarm, i, sensor[[MOUNT_X, MOUNT_Y]])
-    azimuth = swarm.heading[i] + math.atan2(sensor[AXIS_Y], sensor[AXIS_X])
+    azimuth = swarm.heading[i] + atan2(sensor[AXIS_Y], sensor[AXIS_X])
     half, count, reach = sensor[HALF], int(sensor[RAYS]), sensor[RANGE] + beyond
     turns = np.linspace(-half, half, count) if count > 1 else np.zeros(count)
     if count == 0 and half < math.pi:
@@ -206,7 +207,7 @@ def make_wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> B
     A half angle of 0 makes the wedge a line; pi or more, a plain polygon around the apex.
     """
     steps = max(1, math.ceil(2 * half / WIDEST_STEP))
-    far = reach / math.cos(half / steps)
+    far = reach / cos(half / steps)
     fan = [_toward(apex, azimuth + turn, far) for turn in np.linspace(-half, half, steps + 1)]
     if half == 0.0:
         return LineString([apex, fan[0]])
@@ -215,12 +216,13 @@ def make_wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> B
 
 def place_in_world(swarm: Swarm, i: int, mount: np.ndarray) -> np.ndarray:
     """Return the place of a mount of robot i in the world (A.8, A.9)."""
-    cosine, sine = math.cos(swarm.heading[i]), math.sin(swarm.heading[i])
+    cosine, sine = direction_of(swarm.heading[i])
     return swarm.position[i] + np.array([[cosine, -sine], [sine, cosine]]) @ mount
 
 
 def _toward(origin: np.ndarray, azimuth: float, distance: float) -> tuple[float, float]:
-    return origin[0] + distance * math.cos(azimuth), origin[1] + distance * math.sin(azimuth)
+    cosine, sine = direction_of(azimuth)
+    return origin[0] + distance * cosine, origin[1] + distance * sine
 
 
 # A robot is pushed by others at most this share of its radius at once.
@@ -270,7 +272,7 @@ class Travelling:
         self._end = np.column_stack([table.aim[rows], table.aim_heading[rows]])
         ways = self._end - self._begin
         self._turns = np.array([wrap_angle(turn) for turn in ways[:, 2]])
-        far = np.hypot(ways[:, 0], ways[:, 1]) + table.reach[rows] * abs(self._turns)
+        far = vector_lengths(ways[:, 0], ways[:, 1]) + table.reach[rows] * abs(self._turns)
         self._pieces_of = np.ceil(far / self._longest - 1e-9)
 
     def pieces(self, pieces: int) -> int:
@@ -389,7 +391,7 @@ def push_robot_pairs(position: np.ndarray, radius: np.ndarray, pairs: np.ndarray
         push[i] += touch.normal * touch.depth / 2
         push[j] -= touch.normal * touch.depth / 2
         note_both(i, j, touch, contacts)
-    length = np.hypot(*push.T)
+    length = vector_lengths(*push.T)
     share = np.minimum(1.0, LONGEST_PUSH * radius / np.maximum(length, 1e-300))
     position += share[:, None] * push
     return np.flatnonzero(length)
@@ -556,7 +558,7 @@ def places_on_rings(centre: np.ndarray, radius: float, bounds: tuple[float, ...]
         distance += max(RING * radius, GROWTH * distance)
         count = FEWEST_PLACES + min(int(2 * math.pi * distance / (RING * radius)), MOST_PLACES)
         azimuth = 2 * math.pi * np.arange(count) / count
-        yield centre + distance * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+        yield centre + distance * np.column_stack(directions_of(azimuth))
 
 
 class ShapelyEngine(Engine):

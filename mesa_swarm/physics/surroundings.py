@@ -8,6 +8,7 @@ import numpy as np
 
 from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
+from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.driven_bodies import Moving, MovingItems, have_strayed, place_items
 from mesa_swarm.physics.load_room import Poses, Room, room_of
@@ -130,8 +131,8 @@ class Surroundings:
         way, pose = aim - start, table.pose_of(load)
         way[2] = wrap_angle(way[2])
         far = table.reach[b] + table.reach[load]
-        length = math.hypot(way[0], way[1])
-        if math.hypot(start[0] - pose[0], start[1] - pose[1]) > far + length:
+        length = hypot(way[0], way[1])
+        if hypot(start[0] - pose[0], start[1] - pose[1]) > far + length:
             return False
         form, other = cast(Form, table.forms[b]), cast(Form, table.forms[load])
         count = math.ceil((length + form.reach * abs(way[2])) / (LOOK * min(form.thickness, other.thickness)))

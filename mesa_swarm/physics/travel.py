@@ -9,7 +9,6 @@ What robots meet is resolved on copies of their columns in the order of cells: t
 in memory. Row p of these is the robot in row ``order[p]`` of the swarm.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -19,6 +18,7 @@ import numpy as np
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import atan2, cos, direction_of, hypot
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
 from mesa_swarm.physics.arcs import count_pieces, move_along_arc
 from mesa_swarm.physics.contact import push_all_from_statics, unpack_solids
@@ -202,17 +202,17 @@ def turn_along_faces(order, heading, motion, face, turn_angle, extra_turn):
         if face[p, 2] == 0.0:
             continue
         i = order[p]
-        speed = math.hypot(motion[i, 0], motion[i, 1])
+        speed = hypot(motion[i, 0], motion[i, 1])
         if speed == 0.0:
             continue
         ahead, left = motion[i, 0] / speed, motion[i, 1] / speed
-        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        cosine, sine = direction_of(heading[i])
         tx, ty = cosine * ahead - sine * left, sine * ahead + cosine * left
         into = -(tx * face[p, 0] + ty * face[p, 1])
-        if into <= 0.0 or into >= math.cos(turn_angle):
+        if into <= 0.0 or into >= cos(turn_angle):
             continue
         along_x, along_y = tx + into * face[p, 0], ty + into * face[p, 1]
-        turn = math.atan2(tx * along_y - ty * along_x, tx * along_x + ty * along_y)
+        turn = atan2(tx * along_y - ty * along_x, tx * along_x + ty * along_y)
         extra_turn[i] += turn
         heading[i] = wrap_angle(heading[i] + turn)
 

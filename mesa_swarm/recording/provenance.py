@@ -17,7 +17,7 @@ from mesa_swarm.maps.map import Map
 from mesa_swarm.model.common import whole_signature
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import looks_of
-from mesa_swarm.model.state_hash import written_state_hash
+from mesa_swarm.model.state_hash import ENGINE_BITS, written_state_hash
 from mesa_swarm.recording.layout import with_discs
 from mesa_swarm.recording.made_objects import is_class
 from mesa_swarm.recording.schema import checked_provenance, read_json
@@ -36,6 +36,9 @@ from mesa_swarm.world.statics import FIRE, KINDS, LOAD, OBSTACLE
 FORMAT = 5
 READABLE = (1, 2, FORMAT)
 LAST_OF_EARLIER_HASHES = 2
+LONGEST_VERSION = 30
+# Of recordings that store none.
+FIRST_BITS = 1
 # Modules of classes that older versions had elsewhere.
 MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
@@ -168,6 +171,7 @@ def provenance_of(model: EngineModel, rerun: bool) -> dict:
     has_map = parameters.pop("map", None) is not None
     return {
         "format": FORMAT,
+        "engine_bits": ENGINE_BITS,
         "model": {"module": type(model).__module__, "name": type(model).__qualname__},
         "parameters": {name: _parameter_to_json(name, value, rerun) for name, value in parameters.items()},
         "takes_map": has_map,
@@ -245,6 +249,21 @@ def is_of(provenance: dict, model_class: type) -> bool:
 def hash_in_format(model: EngineModel, number: int) -> str:
     """Return the state hash of a model as recordings of a format have it."""
     return written_state_hash(model) if number <= LAST_OF_EARLIER_HASHES else model.state_hash()
+
+
+def is_of_other_bits(provenance: dict) -> bool:
+    """Return whether the same seed gave other bits in the version that recorded, so that steps cannot be run again."""
+    return provenance.get("engine_bits", FIRST_BITS) != ENGINE_BITS
+
+
+def describe_bits(provenance: dict) -> str:
+    """Return that a recording is of other bits, and what to do about it."""
+    recorded_bits = provenance.get("engine_bits", FIRST_BITS)
+    recorded_by = f"mesa-swarm {provenance['versions'].get('mesa-swarm', 'of an earlier version'):.{LONGEST_VERSION}}"
+    return (
+        f"it was recorded by {recorded_by}, whose steps have other bits ({recorded_bits}) than those of this version "
+        f"({ENGINE_BITS}); to run it again, use {recorded_by}"
+    )
 
 
 def as_metadata(facts: dict) -> dict[str, str]:

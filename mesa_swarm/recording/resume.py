@@ -65,7 +65,8 @@ def resume(
     Raises
     ------
     RecordingError
-        If running again does not match the recording, as with other code, or after a manual change without a stored
+        If running again does not match the recording, as with other code, or would be needed of a recording of a
+        version whose steps have other bits, or after a manual change without a stored
         state; the nearest steps that work are named.
     InvalidValueError, UnknownNameError
         If there is no such step or parameter, or a change makes another world.

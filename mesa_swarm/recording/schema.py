@@ -402,6 +402,7 @@ CONTENTS = {
 ENTROPY = _whole((1 << 4096) - 1)
 SEED = [ENTROPY, {"entropy": [ENTROPY, _form_of_each(list, ENTROPY)], "spawn_key": _form_of_each(list, ENTROPY)}]
 PROVENANCE = {
+    "engine_bits_": _whole(MOST_STEPS, 1),
     "model": {"module": str, "name": str},
     "parameters": dict,
     "takes_map": bool,

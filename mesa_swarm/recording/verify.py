@@ -18,9 +18,9 @@ from mesa_swarm.recording.checkpoint import differing_part, restore
 from mesa_swarm.recording.collected_data import check_collected, size_of_collected, without_rest
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows, name_robots
-from mesa_swarm.recording.layout import Chunk, Layout, is_table
+from mesa_swarm.recording.layout import READINGS, Chunk, Layout, is_table
 from mesa_swarm.recording.objects import summary
-from mesa_swarm.recording.provenance import hash_in_format, rebuild_model
+from mesa_swarm.recording.provenance import describe_bits, hash_in_format, is_of_other_bits, rebuild_model
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
 
@@ -83,6 +83,8 @@ class Rerun:
             self.moved.add(self._moves.popleft().step)
 
     def _run_on(self, step: int) -> None:
+        if self.model.completed < step and is_of_other_bits(self.recording.provenance):
+            raise RecordingError(describe_bits(self.recording.provenance))
         while self._moves and self._moves[0].step < step:
             run_on(self.model, self._moves[0].step, self._watch)
             self.move_by_hand()
@@ -168,7 +170,8 @@ def start_again(recording: Recording, model_class: type, watch: Watch = lambda _
     """
     start = recording.provenance["start"]
     model, is_near = rebuild_model(recording.provenance, model_class), start["step"] <= MOST_UNSEEN
-    if is_near:
+    repeats = not is_of_other_bits(recording.provenance)
+    if is_near and repeats:
         run_on(model, start["step"], watch)
         if model.completed == start["step"] and _is_at_start(recording, model):
             return _unless_stored_differs(Rerun(recording, model, watch=watch), watch)
@@ -177,6 +180,8 @@ def start_again(recording: Recording, model_class: type, watch: Watch = lambda _
         model = restore_last(recording, model_class, states)
         if _is_at_start(recording, model):
             return Rerun(recording, model, 0, watch, states)
+    if not repeats:
+        raise RecordingError(f"{recording.path}: {describe_bits(recording.provenance)}")
     if not is_near:
         raise RecordingError(
             f"{recording.path} begins at step {start['step']} without a stored state; expected at most "
@@ -238,7 +243,12 @@ def states_to(recording: Recording, checkpoint: int, earlier: Sequence[Checkpoin
 def restore_last(recording: Recording, model_class: type, states: list[Checkpoint]) -> EngineModel:
     """Return a new model with the last of these states."""
     facts = recording.provenance
-    return restore(rebuild_model(facts, model_class), states[-1], states[:-1], written_in=facts["format"])
+    try:
+        return restore(rebuild_model(facts, model_class), states[-1], states[:-1], written_in=facts["format"])
+    except RecordingError as error:
+        if not is_of_other_bits(facts):
+            raise
+        raise RecordingError(f"{error}; {describe_bits(facts)}") from None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -297,8 +307,8 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     Raises
     ------
     RecordingError
-        If the recording is of another class, or of a model that its parameters alone do not make and whose state
-        was not stored.
+        If the recording is of another class, of a version whose steps have other bits, or of a model that its
+        parameters alone do not make and whose state was not stored.
 
     Examples
     --------
@@ -312,6 +322,8 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     all 20 rows to step 20 are the same
     """
     recording = recording if isinstance(recording, Recording) else Recording(recording)
+    if is_of_other_bits(recording.provenance):
+        raise RecordingError(f"{recording.path} cannot be verified: {describe_bits(recording.provenance)}")
     rows = recording.intact
     last = recording[rows - 1].step if rows else recording.provenance["start"]["step"]
     with progress_bar(last, "steps", progress) as bar:
@@ -375,9 +387,16 @@ def check_row(rerun: Rerun) -> None:
         return
     if facts["format"] <= LATE_READINGS:
         return
-    difference = _difference(row, recording[row], rerun.frame(recording[row]))
+    difference = _difference(row, recording[row], rerun.frame(recording[row]), _columns_not_compared(rerun))
     if difference is not None:
         raise RecordingError(f"the stored state of step {step} does not match the row of this step: {difference}")
+
+
+def _columns_not_compared(rerun: Rerun) -> frozenset[str]:
+    """Return the columns that a stored state is not compared in: of other bits, readings, which are computed anew."""
+    if not is_of_other_bits(rerun.recording.provenance):
+        return frozenset()
+    return READINGS.union(rerun.model.swarm.table.readings)
 
 
 def has_row(recording: Recording, step: int) -> bool:
@@ -403,12 +422,12 @@ def _all_compared(rerun: Rerun, rows: int) -> Verification:
     return Verification(same=True, rows=rows, text=f"all {rows} rows{last} are the same")
 
 
-def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
+def _difference(row: int, frame: Frame, again: Frame, but: frozenset[str] = frozenset()) -> Verification | None:
     if not np.array_equal(frame.robots, again.robots):
         return _verdict(
             row, frame.step, "robots", f"{len(frame.robots)} robots recorded, {len(again.robots)} when run again"
         )
-    for name in frame.columns:
+    for name in (name for name in frame.columns if name not in but):
         differing = _differing(name, frame, again)
         if differing is not None:
             robots = f" for {name_robots(differing)}" if differing else ""

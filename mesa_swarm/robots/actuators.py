@@ -1,6 +1,5 @@
 """Actuators: numbers besides the wheels that a rule sets and a model acts on."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -11,6 +10,7 @@ import numpy as np
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, check_flag, check_number, shortened
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
@@ -106,7 +106,7 @@ def emit_all(block, step, first, last):
             return 1
     for i in rows:
         if setting[i] * e.rate != 0.0:
-            cosine, sine = math.cos(e.heading[i]), math.sin(e.heading[i])
+            cosine, sine = direction_of(e.heading[i])
             points[count, 0] = e.position[i, 0] + (cosine * x - sine * y)
             points[count, 1] = e.position[i, 1] + (sine * x + cosine * y)
             amounts[count] = e.rate * setting[i]

@@ -9,6 +9,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_name, check_number, read_attribute, shortened
 from mesa_swarm.geometry.sector import half_angle
+from mesa_swarm.kernels.elementary import direction_of, vector_lengths
 from mesa_swarm.robots.actuators import ACT, Actuator, check_actuator, check_device_actions
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, Drive
 from mesa_swarm.robots.sensors import (
@@ -348,7 +349,7 @@ class DesignTable:
         proximity = _stack_devices([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
         # Rows of padding have a range below 0, and no mount.
         is_sensor = proximity[..., RANGE] >= 0.0
-        mounts = np.where(is_sensor, np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y]), 0.0)
+        mounts = np.where(is_sensor, vector_lengths(proximity[..., MOUNT_X], proximity[..., MOUNT_Y]), 0.0)
         radii = np.array([d.radius for d in designs])[:, None]
         noises = [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs]
         noise = _stack_devices(noises, 4, pad=0.0)
@@ -415,7 +416,7 @@ def _sector(sensor: ProximitySensor | RadiationSensor, radius: float) -> tuple[f
     bearing = math.radians(sensor.bearing_degrees)
     half = math.radians(sensor.field_of_view_degrees) / 2
     edge = half_angle(math.radians(sensor.field_of_view_degrees))
-    axis = (math.cos(bearing), math.sin(bearing))
+    axis = direction_of(bearing)
     return *mount_of(sensor, radius), *axis, *edge, sensor.range, getattr(sensor, "rays", 0), half
 
 

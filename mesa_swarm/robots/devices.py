@@ -18,8 +18,8 @@ from mesa_swarm.base.errors import (
     read_attribute,
     shortened,
 )
-from mesa_swarm.kernels.compiled import compile_custom, is_refused
 from mesa_swarm.kernels.custom_code import rename_function, store_on_disk
+from mesa_swarm.kernels.custom_functions import VERSION, compile_custom, is_refused
 from mesa_swarm.kernels.digests import digest_function
 
 MOST_NUMBERS = 10_000
@@ -181,7 +181,7 @@ def warn_of_plain(function: Any, subject: str, problem: str, more: str = "") -> 
 
 
 def _compiled(function: Any) -> Any:
-    digest = digest_function(function)
+    digest = digest_function(function, VERSION)
     return store_on_disk(compile_custom(rename_function(function, digest)), digest)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import check_number
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import hypot
 
 
 class Drive(Protocol):
@@ -337,7 +338,7 @@ def accelerate(command, acceleration, design, sideways, speed):
     """
     for i in range(command.shape[0]):
         most, as_whole = acceleration[design[i]], sideways[design[i]]
-        largest = math.hypot(command[i, 0] - speed[i, 0], command[i, 1] - speed[i, 1])
+        largest = hypot(command[i, 0] - speed[i, 0], command[i, 1] - speed[i, 1])
         for w in range(command.shape[1]):
             change = command[i, w] - speed[i, w]
             size = largest if as_whole else abs(change)
@@ -390,11 +391,11 @@ def limit_length(x: float, y: float, most: float) -> tuple[float, float]:
     if math.isinf(x) or math.isinf(y):
         x = math.copysign(1.0, x) if math.isinf(x) else 0.0
         y = math.copysign(1.0, y) if math.isinf(y) else 0.0
-    elif math.hypot(x, y) <= most:
+    elif hypot(x, y) <= most:
         return x, y
     largest = max(abs(x), abs(y))
     x, y = x / largest, y / largest
-    share = most / math.hypot(x, y)
+    share = most / hypot(x, y)
     return share * x, share * y
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrap_angle
+from mesa_swarm.kernels.elementary import vector_lengths
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.devices import check_kind, check_spelling
 from mesa_swarm.robots.sensors import Sensor
@@ -109,7 +110,7 @@ class Gripper(Actuator):
         """Yield the distance of each body that a robot can grip, the robot's place in the list, and the body's row."""
         table, positions = model.parts.bodies.table, np.array([robot.position for robot in robots])
         radii, free = np.array([float(robot.radius) for robot in robots]), table.rows(DRIVEN)
-        apart = np.hypot(*(table.position[free] - positions[:, None]).transpose(2, 0, 1))
+        apart = vector_lengths(*(table.position[free] - positions[:, None]).transpose(2, 0, 1))
         pairs = np.argwhere(apart <= radii[:, None] + self.reach + table.reach[free])
         for k, row in ((k, int(free[place])) for k, place in pairs.tolist()):
             body = table.agents[row]

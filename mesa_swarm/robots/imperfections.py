@@ -1,11 +1,11 @@
 """Errors of real sensors and wheels: one schema for all of them, and a dial from 0 to 1."""
 
-import math
 from dataclasses import dataclass, fields, replace
 from functools import reduce
 from typing import Any
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import LONGEST_HOLD, ProximitySensor
 
@@ -217,7 +217,7 @@ def _combine_two(a: Imperfections, b: Imperfections) -> Imperfections:
 def _combine_parts(a: Imperfection, b: Imperfection) -> Imperfection:
     dropout = _probability_of_either(a.dropout, b.dropout)
     return Imperfection(
-        error=min(math.hypot(a.error, b.error), LARGEST_ERROR),
+        error=min(hypot(a.error, b.error), LARGEST_ERROR),
         dropout=dropout,
         outliers=min(_probability_of_either(a.outliers, b.outliers), 1.0 - dropout),
         hold=max(a.hold, b.hold),

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, shortened
+from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import ProximitySensor
 
@@ -255,9 +256,7 @@ infrared sensors evenly round, the first ahead: the documentation of Buzz for th
 radius of 21 mm, Webots' model Khepera4, are 1.0 m/s. Our choice: sectors that fill the circle; ultrasound is left out.
 """
 
-TURTLEBOT_3 = RealRobot(
-    name="TURTLEBOT_3", diameter=math.hypot(0.138, 0.178), max_speed=0.22, sensors=_ring(24, 3.5, 15.0)
-)
+TURTLEBOT_3 = RealRobot(name="TURTLEBOT_3", diameter=hypot(0.138, 0.178), max_speed=0.22, sensors=_ring(24, 3.5, 15.0))
 """The TurtleBot3 Burger of ROBOTIS.
 
 138 mm by 178 mm and 0.22 m/s: ROBOTIS e-manual, TurtleBot3, Specifications. The disc is circumscribed about the
@@ -267,7 +266,7 @@ sectors of 15 degrees, and no least distance.
 
 THYMIO_2 = RealRobot(
     name="THYMIO_2",
-    diameter=math.hypot(0.112, 0.117),
+    diameter=hypot(0.112, 0.117),
     max_speed=0.2,
     sensors=_eyes((0, 20, -20, 40, -40, 150, -150), 0.1, 20),
 )

@@ -11,6 +11,7 @@ from mesa_swarm.base.errors import InvalidValueError, check_count, check_number,
 from mesa_swarm.geometry.diffusion import interpolate_cells
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import direction_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import ByteRows, Integers, RealRows, Reals
 from mesa_swarm.robots.devices import RESERVED, Device, argument_names, check_device, check_identifier, own_function
@@ -223,9 +224,9 @@ def read_field(position, heading, mount, amounts, sides, frame, out):
     """Look a field up where the sensors of robots are, see `geometry.diffusion.look_up`."""
     points = np.empty((len(out), 2))
     for i in range(len(out)):
-        cos, sin = np.cos(heading[i]), np.sin(heading[i])
-        points[i, 0] = position[i, 0] + cos * mount[0] - sin * mount[1]
-        points[i, 1] = position[i, 1] + sin * mount[0] + cos * mount[1]
+        cosine, sine = direction_of(heading[i])
+        points[i, 0] = position[i, 0] + cosine * mount[0] - sine * mount[1]
+        points[i, 1] = position[i, 1] + sine * mount[0] + cosine * mount[1]
     interpolate_cells(amounts, sides, frame, points, out[:, 0], np.empty((len(out), 2)))
 
 
@@ -384,4 +385,5 @@ def mount_of(sensor: ProximitySensor | RadiationSensor, radius: float) -> Mount:
     if sensor.mount is not None:
         return sensor.mount
     bearing = math.radians(sensor.bearing_degrees)
-    return radius * math.cos(bearing), radius * math.sin(bearing)
+    x, y = direction_of(bearing)
+    return radius * x, radius * y

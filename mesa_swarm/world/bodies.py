@@ -16,6 +16,7 @@ from shapely.geometry.polygon import orient
 from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
+from mesa_swarm.kernels.elementary import direction_of, hypot, log1p, vector_lengths
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers, disc
@@ -91,7 +92,7 @@ class Form:
             core=outline if is_disc else outline.buffer(-skin, join_style="mitre"),
             core_radius=radius - skin if is_disc else 0.0,
             heart=outline if is_disc else outline.buffer(-PITH * thickness, join_style="mitre"),
-            reach=radius + float(np.hypot(*points.T).max()),
+            reach=radius + float(vector_lengths(*points.T).max()),
             thickness=thickness,
             lever=mean_distance(outline, radius),
         )
@@ -128,7 +129,7 @@ def placed(geometry: BaseGeometry, pose: Pose) -> BaseGeometry:
     'POINT (12 5)'
     """
     x, y, heading = pose
-    cosine, sine = math.cos(heading), math.sin(heading)
+    cosine, sine = direction_of(heading)
 
     def move(points: np.ndarray) -> np.ndarray:
         return np.column_stack(
@@ -163,7 +164,7 @@ def mean_distance(outline: Point | Polygon, radius: float) -> float:
 def _moment(a: tuple[float, float], b: tuple[float, float]) -> float:
     """Return the integral of the distance from the origin over the triangle between it and an edge."""
     dx, dy = b[0] - a[0], b[1] - a[1]
-    length = math.hypot(dx, dy)
+    length = hypot(dx, dy)
     height = (a[0] * b[1] - b[0] * a[1]) / length
     if height == 0.0:
         return 0.0
@@ -172,7 +173,9 @@ def _moment(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 
 def _antiderivative(tangent: float) -> float:
-    return tangent * math.hypot(1.0, tangent) + math.asinh(tangent)
+    slope = hypot(1.0, tangent)
+    angle = log1p(abs(tangent) + tangent * tangent / (1.0 + slope))  # of which the tangent is the hyperbolic sine
+    return tangent * slope + math.copysign(angle, tangent)
 
 
 class BodyTable:

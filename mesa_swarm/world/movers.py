@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrap_angle
+from mesa_swarm.kernels.elementary import atan2, hypot
 from mesa_swarm.world.arena import Arena
 from mesa_swarm.world.bodies import LARGEST_HEADING, Body, BodyTable, Pose, check_pose
 from mesa_swarm.world.read_only import locked_view, read_only
@@ -179,7 +180,7 @@ class Driven(Body):
         """
         line = shapely.shortest_line(shapely.Point(point), self.shape.geometry)
         (ax, ay), (bx, by) = shapely.get_coordinates(line).tolist()
-        return math.hypot(bx - ax, by - ay) - self.shape.radius, math.atan2(by - ay, bx - ax)
+        return hypot(bx - ax, by - ay) - self.shape.radius, atan2(by - ay, bx - ax)
 
     def remove(self) -> None:
         """Take the body out of the world, between two steps."""

@@ -25,9 +25,9 @@ RATIOS = (1.0, 2.0)
 def trail_run(rng: int, *, steps: int = STEPS, last: int = LAST_STEPS, **settings: Any) -> Numbers:
     """Return the upper branch's share of the passages in the last part of a run, None without any, and their number."""
     model = find_model("ant_trails")(rng=rng, **settings).run(steps - last)
-    before = dict(model.state)
+    before = model.passing.upper, model.passing.lower
     model.run(last)
-    upper, lower = (model.state[name] - before[name] for name in ("upper", "lower"))
+    upper, lower = model.passing.upper - before[0], model.passing.lower - before[1]
     return {"upper": upper / (upper + lower) if upper + lower else None, "passages": float(upper + lower)}
 
 

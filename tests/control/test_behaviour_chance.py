@@ -1,6 +1,7 @@
 """Chance in rules: of the model's seed, and of nothing else."""
 
 import random
+from dataclasses import replace
 from random import Random
 
 import numpy as np
@@ -9,7 +10,8 @@ from numpy.random import default_rng
 
 from mesa_swarm import AGENT9
 from mesa_swarm.base.errors import BehaviourError, UncompiledBehaviourWarning
-from mesa_swarm.control import Explore, Subsumption, behaviour
+from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
+from mesa_swarm.kernels.draws import draw_at
 from support.rules import facing_a_disc, timid, wander
 from support.scenes import empty
 
@@ -27,12 +29,80 @@ def wander_of(rule, *above, below=(), seed=1, steps=5):
 
 
 def test_chance_is_new_for_every_robot_and_step_and_the_same_for_the_same_seed():
-    left, right = np.moveaxis(wander_of(wander), -1, 0)
-    assert np.array_equal(left, right)
-    assert len(np.unique(left)) == left.size
-    assert ((left >= 0) & (left < 1)).all()
-    assert np.array_equal(wander_of(wander)[..., 0], left)
-    assert not np.array_equal(wander_of(wander, seed=2)[..., 0], left)
+    drawn = wander_of(wander)
+    assert len(np.unique(drawn)) == drawn.size  # of both wheels, each of which reads it
+    assert ((drawn >= 0) & (drawn < 1)).all()
+    assert np.array_equal(wander_of(wander), drawn)
+    assert not np.isin(wander_of(wander, seed=2), drawn).any()
+
+
+def test_each_read_is_another_number_which_does_not_depend_on_how_often_others_read():
+    @behaviour
+    def wander_after_reads(me, reads=0):
+        """Draw as often as asked, and twice more."""
+        total = 0.0
+        for _ in range(reads):
+            total += me.chance
+        return total * 0.0 + me.chance, me.chance
+
+    often = np.array([wander_of(wander_after_reads(reads=reads), steps=3) for reads in range(4)])
+    # With one number read before, the left wheel gets what was the right one's.
+    assert np.array_equal(often[1:, ..., 0], often[:-1, ..., 1])
+    stream = empty(rng=1).streams["decide.wander_after_reads"]
+    for step in range(3):
+        key = stream.integers(2**64, dtype=np.uint64)
+        assert often[0][step].tolist() == [[draw_at(key, robot, read) for read in (0, 1)] for robot in (0, 1, 2)]
+
+
+def test_a_robot_draws_the_same_when_others_read_more_or_are_driven_by_another_layer():
+    @behaviour
+    def wander_but_first(me, radius=0.0):
+        """Draw, the larger robots many times."""
+        for _ in range(50 if me.radius > radius else 0):
+            wasted = me.chance
+        return me.chance + 0.0 * wasted if me.radius > radius else me.chance, 0.0
+
+    def drawn(radius):
+        model = empty(rng=1)
+        model.add_robots(replace(AGENT9, radius=9.0), poses=[(50, 50, 0.0)])
+        model.add_robots(AGENT9, poses=[(150, 50, 0.0), (250, 50, 0.0)])
+        model.control = Subsumption(wander_but_first(radius=radius))
+        model.step()
+        return model.swarm.command[:, 0].copy()
+
+    assert np.array_equal(drawn(100.0)[1:], drawn(8.0)[1:])
+    assert drawn(100.0)[0] != drawn(8.0)[0]
+
+
+def test_two_layers_of_one_name_draw_from_streams_of_their_own():
+    @behaviour
+    def pass_half(me):
+        """Leave every other robot to the layers below."""
+        return PASS if me.chance < 0.5 else (me.chance, 1.0)
+
+    model = empty(rng=1)
+    model.add_robots(AGENT9, 40)
+    model.control = Subsumption(pass_half, pass_half)
+    model.step()
+    second = model.swarm.layer == 1
+    assert 0.15 < second.mean() < 0.35  # the same draws would leave none to it
+    assert {"decide.pass_half", "decide.pass_half 2"} <= set(model.streams.state())
+
+
+def test_in_plain_python_each_read_is_the_number_of_compiled_rules():
+    @behaviour
+    def plainly(me):
+        """Draw twice in a way that Numba refuses."""
+        drawn = [value for value in (me.chance, str(me.radius) and me.chance)]
+        return drawn[0], {"right": drawn[1]}["right"]
+
+    with pytest.warns(UncompiledBehaviourWarning):
+        plain = wander_of(plainly)
+    model = empty(rng=1)
+    stream = model.streams["decide.plainly"]
+    for step in plain:
+        key = stream.integers(2**64, dtype=np.uint64)
+        assert step.tolist() == [[draw_at(key, robot, read) for read in (0, 1)] for robot in (0, 1, 2)]
 
 
 def test_chance_does_not_depend_on_other_layers():

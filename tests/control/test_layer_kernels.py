@@ -32,6 +32,7 @@ from mesa_swarm.control.explore import count_down, turn_on_the_spot
 from mesa_swarm.control.head_on import meet_head_on
 from mesa_swarm.control.layer import find_nearest_ahead
 from mesa_swarm.fire import FightFire, SeekHeat
+from mesa_swarm.kernels.elementary import exp, log
 from support.kernels import assert_equal_columns, columns_after, decides_by
 
 WHEELED = (
@@ -101,7 +102,7 @@ class PlainHeadOn(HeadOn):
         nearest = np.empty(len(layer), np.int64)
         find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
         memory = [self._swarm.columns[f"{self._prefix}.{name}"] for name in ("front", "least", "speed", "left")]
-        draws = np.array([math.pow(self.slowest, number) for number in self._rng.random(len(layer))])
+        draws = np.array([exp(number * log(self.slowest)) for number in self._rng.random(len(layer))])
         meet_head_on(
             nearest, senses.distance, senses.kind, senses.design, senses.forward, senses.last_command,
             senses.max_speed, senses.radius, senses.tendency, draws, self.distance, self.margin, self.parting, *memory,

@@ -10,6 +10,7 @@ from mesa_swarm import AGENT9, Actuator, HolonomicDrive, Radio, SwarmModel
 from mesa_swarm.base.errors import BehaviourError
 from mesa_swarm.control import PASS, Explore, StateMachine, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.behaviour import Behaviour
+from mesa_swarm.kernels.draws import draw_at
 from support.kernels import assert_equal_columns, columns_after, decides_by
 
 
@@ -185,7 +186,7 @@ def test_a_rule_for_wheels_is_refused_by_its_kernel_for_robots_that_are_added_wi
     assert error_of(design) == in_python(error_of, design)
 
 
-def test_chances_are_the_numbers_that_numpys_generator_draws_for_all_robots_in_each_step():
+def test_a_kernel_draws_its_key_as_numpys_generator_does_in_each_step():
     @behaviour(memory={"chance": 0.0})
     def remember(me):
         me.memory.chance = me.chance
@@ -197,4 +198,6 @@ def test_chances_are_the_numbers_that_numpys_generator_draws_for_all_robots_in_e
     stream.bit_generator.state = model.streams["decide.remember"].bit_generator.state
     for _ in range(4):
         model.run(1)
-        np.testing.assert_array_equal(model.swarm.columns["0.remember.chance"], stream.random(5))
+        key = stream.integers(2**64, dtype=np.uint64)
+        expected = [draw_at(key, robot, 0) for robot in model.swarm.number]
+        np.testing.assert_array_equal(model.swarm.columns["0.remember.chance"], expected)

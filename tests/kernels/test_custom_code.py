@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels import code_files, custom_code
-from mesa_swarm.kernels.compiled import compile_custom
 from mesa_swarm.kernels.custom_code import rename_function, store_on_disk
+from mesa_swarm.kernels.custom_functions import compile_custom
 from mesa_swarm.kernels.digests import digest_function
 
 BODY = "def f(x, k=2):\n    return {}\n"

@@ -8,7 +8,7 @@ from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.models.ant_trails import ANT, ENDS, FOOD, FORK, FORKS, HALF, LEVEL, NEAR, NEST, PATH, AntTrails, way
 from mesa_swarm_studies.published.trails import trail_checks, trail_figure, trail_run
 
-STORED = {"passages": 85.0, "share of the upper branch": 60 / 85}
+STORED = {"passages": 77.0, "share of the upper branch": 4 / 77}
 STEMS = FORKS[0] - ENDS[0] + ENDS[1] - FORKS[1]
 BOTH_ENDS = [0.02, 0.98] * 15
 

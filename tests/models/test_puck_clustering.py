@@ -10,7 +10,7 @@ from mesa_swarm.models.puck_clustering import APART, DONE, EVERY, LINK, PUCK, Pu
 @pytest.mark.slow
 def test_the_stored_runs_come_out_again():
     runs = [PuckClustering(n_robots=4, rng=rng).run(4_000).done_at for rng in (10_000, 10_001)]
-    assert runs == [1725, 925]
+    assert runs == [1150, 3250]
 
 
 @pytest.mark.slow

@@ -33,7 +33,7 @@ def test_a_flock_that_is_brought_home_is_near_the_target_and_close_together():
 @pytest.mark.slow
 def test_the_stored_runs_come_out_again():
     homes = [Shepherding(n_sheep=12, rng=rng).run(2000).home_at for rng in (1, 2)]
-    assert homes == [477, 374]
+    assert homes == [457, 394]
 
 
 def test_no_sheep_goes_farther_than_a_stride_a_step():
@@ -44,9 +44,10 @@ def test_no_sheep_goes_farther_than_a_stride_a_step():
         assert np.hypot(*(model.movers.position - before).T).max() <= STRIDE + 1e-9
 
 
-def test_the_agents_are_where_their_bodies_are_unless_a_robot_could_not_give_way():
+def test_bodies_follow_their_agents_in_the_next_step_unless_a_robot_could_not_give_way():
     model = Shepherding(n_sheep=20, rng=4).run(30)
     at = np.array([sheep.position for sheep in model.agents_by_type[Sheep]])
+    model.step()
     free = ~model.movers.blocked
     assert at[free] == pytest.approx(model.movers.position[free])
 

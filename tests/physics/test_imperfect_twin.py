@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT_FIRE, LineSensor, RobotDesign, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.physics.broadcasts import is_lost, mix_bits
+from mesa_swarm.kernels.draws import mix_bits
+from mesa_swarm.physics.broadcasts import is_lost
 from mesa_swarm.physics.disturbances import (
     BODY,
     FATE,

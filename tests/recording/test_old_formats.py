@@ -3,11 +3,14 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.base.errors import RecordingError
-from mesa_swarm.model.state_hash import written_state_hash
+from mesa_swarm.experiments import experiment
+from mesa_swarm.experiments.experiment import checked_experiment
+from mesa_swarm.model.state_hash import ENGINE_BITS, written_state_hash
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.foraging import Foraging
 from mesa_swarm.recording import Recording, provenance, recorder, verify
@@ -17,24 +20,44 @@ from mesa_swarm.recording.recorder import RowBuffer
 from mesa_swarm.recording.sealed_stream import CHANGE
 from mesa_swarm.viewing.scene import scene_of_recording
 
-# Written by version 0.2.0: a run that was changed by hand after step 70, and one with a gripper and custom bodies.
-WRITTEN = {"fire_fighting": (FireFighting, 120), "foraging": (Foraging, 160)}
-LAST_HASH = {"fire_fighting": "fba18a0248ea575634ee3e5cc452c812", "foraging": "acc75e28da0eda085907cdffb13e985f"}
+# Written by version 0.2.0: a run that was changed by hand after step 70, and one with a gripper and custom bodies; with
+# stored states from which they go on.
+WRITTEN = {"fire_fighting": (FireFighting, 120, (0, 60, 70)), "foraging": (Foraging, 160, (80, 160))}
 FILES = Path(__file__).parent / "files"
+OTHER_BITS = (
+    "it was recorded by mesa-swarm 0.2.0, whose steps have other bits (1) than those of this version (2); to run it "
+    "again, use mesa-swarm 0.2.0"
+)
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_file_of_version_0_2_0_is_read_and_drawn_but_not_verified_since_its_steps_have_other_bits(name):
+    model_class, last, _ = WRITTEN[name]
+    path = FILES / f"{name}_0.2.0.arrow"
+    recording = Recording(path)
+    assert (recording.provenance["format"], len(recording), recording[-1].step) == (2, last, last)
+    scene_of_recording(recording).build()
+    with pytest.raises(RecordingError) as refused:
+        verify(path, model_class)
+    assert str(refused.value) == f"{path} cannot be verified: {OTHER_BITS}"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WRITTEN)
-def test_a_file_of_version_0_2_0_is_verified_and_resumed_at_any_step(name):
-    model_class, last = WRITTEN[name]
+def test_a_file_of_version_0_2_0_is_resumed_from_its_stored_states_and_at_no_step_between(name):
+    model_class, _, stored = WRITTEN[name]
     path = FILES / f"{name}_0.2.0.arrow"
-    assert Recording(path).provenance["format"] == 2
-    verdict = verify(path, model_class)
-    assert verdict.same, verdict
-    for step in (30, last):
-        model = model_class.resume(path, step=step).run(last - step)
-        if step == last or name == "foraging":
-            assert written_state_hash(model) == LAST_HASH[name]
+    for step in stored:
+        model = model_class.resume(path, step=step)
+        frame = {frame.step: frame for frame in Recording(path)}.get(step)
+        if frame is not None and step != 70:  # after which it was changed
+            np.testing.assert_array_equal(model.swarm.position.astype(np.float32), frame["position"].astype(np.float32))
+        assert model.run(5).completed == step + 5
+    between = stored[-1] - 5
+    with pytest.raises(RecordingError) as refused:
+        model_class.resume(path, step=between)
+    assert OTHER_BITS in str(refused.value)
+    assert str(refused.value).endswith(f"; the nearest steps to resume from are {stored[-2]} and {stored[-1]}")
 
 
 def attach_the_population_only(buffer, model):
@@ -89,3 +112,37 @@ def test_formats_of_the_future_are_refused(tmp_path, monkeypatch):
             pass
     with pytest.raises(RecordingError, match="has format 6, which this version cannot read; expected one of 1, 2, 5"):
         Recording(tmp_path / "run.arrow")
+
+
+def test_other_bits_are_refused_by_verify_and_by_resume_between_stored_states(tmp_path, monkeypatch):
+    with monkeypatch.context() as future:
+        future.setattr(provenance, "ENGINE_BITS", 3)
+        model = FireFighting(n_robots=2, rng=1)
+        with model.record(tmp_path / "run.arrow", checkpoint_every=10):
+            model.run(15)
+    assert Recording(tmp_path / "run.arrow").provenance["engine_bits"] == 3
+    with pytest.raises(RecordingError, match=r"other bits \(3\) than those of this version \(2\)"):
+        verify(tmp_path / "run.arrow", FireFighting)
+    assert FireFighting.resume(tmp_path / "run.arrow", step=10).completed == 10
+    with pytest.raises(RecordingError, match=r"the nearest steps to resume from are 10$"):
+        FireFighting.resume(tmp_path / "run.arrow", step=12)
+
+
+def test_a_recording_of_other_bits_without_stored_states_is_not_run_again(tmp_path, monkeypatch):
+    with monkeypatch.context() as future:
+        future.setattr(provenance, "ENGINE_BITS", 3)
+        model = FireFighting(n_robots=2, rng=1)
+        with model.record(tmp_path / "run.arrow", checkpoint_every=0):
+            model.run(5)
+    with pytest.raises(RecordingError, match="to run it again, use mesa-swarm"):
+        FireFighting.resume(tmp_path / "run.arrow", step=3)
+
+
+def test_engine_bits_are_one_number_in_recordings_and_keys_of_runs(monkeypatch, tmp_path):
+    study = checked_experiment("fire_fighting", seeds=1, steps=10)
+    key = study.key({"n_robots": 2}, 1)
+    with FireFighting(n_robots=1, rng=1).record(tmp_path / "run.arrow"):
+        pass
+    assert Recording(tmp_path / "run.arrow").provenance["engine_bits"] == ENGINE_BITS
+    monkeypatch.setattr(experiment, "ENGINE_BITS", ENGINE_BITS + 1)
+    assert study.key({"n_robots": 2}, 1) != key

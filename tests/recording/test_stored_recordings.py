@@ -1,4 +1,4 @@
-"""Recordings made at commit baa75a47 are verified, and go on as the same run without a recording does."""
+"""Recordings made with version 0.3.0 are verified, and go on as the same run without a recording does."""
 
 import mesa
 import pytest

@@ -1,6 +1,6 @@
 """Twenty worlds that together have all that a world can have, for `same_bits`; each function returns a new model.
 
-All of it also runs with version 0.2.0 at commit baa75a47, with whose code the stored numbers were made.
+All of it uses public names only, so that it runs with the code of other versions as well.
 """
 
 import math

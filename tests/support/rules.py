@@ -41,5 +41,5 @@ def step_with(rule):
 
 @behaviour
 def wander(me):
-    """Drive with one wheel at random speed, which is the same however often it is read."""
+    """Drive with each wheel at a random speed of its own."""
     return me.chance, me.chance

@@ -1,7 +1,7 @@
 """Digests of twenty worlds and results of the models of the gallery, to the last bit, and a file that stores them.
 
-The numbers in `same_bits.json` were made with version 0.2.0 at commit baa75a47. They may only be made anew where a
-change of bits is intended, and the message of that commit then states which, and why:
+The numbers in `same_bits.json` were made with version 0.3.0, the first of engine bits 2. They may only be made anew
+where a change of bits is intended, `ENGINE_BITS` is raised, and the message of that commit states which, and why:
 
     python tests/support/same_bits.py OUT.json
 

@@ -10,6 +10,7 @@ import shapely
 from shapely import STRtree
 from shapely.geometry.base import BaseGeometry
 
+from mesa_swarm.kernels.elementary import direction_of, hypot
 from mesa_swarm.physics import engine
 from mesa_swarm.physics.arcs import LONGEST_PIECE, sinc
 from mesa_swarm.physics.contact import SLOP
@@ -113,7 +114,7 @@ def _stops(load: Load, solid: BaseGeometry, distance: float) -> list[Stop]:
     x, y, _ = load.pose
     line = shapely.shortest_line(solid, placed(load.form.heart, load.pose))
     (px, py), (qx, qy) = shapely.get_coordinates(line).tolist()
-    length = math.hypot(qx - px, qy - py)
+    length = hypot(qx - px, qy - py)
     if length == 0.0:
         return []
     nx, ny = (qx - px) / length, (qy - py) / length
@@ -173,12 +174,12 @@ def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[RobotPush]:
 def _push_of(line: list[float], radius: float, load: Load, motion: list[float], heading: float) -> RobotPush | None:
     """Return the push of one robot, its force still a speed, or None; the line is from the load to its centre."""
     px, py, qx, qy = line
-    length = math.hypot(px - qx, py - qy)
+    length = hypot(px - qx, py - qy)
     if length == 0.0:
         return None
     nx, ny = (px - qx) / length, (py - qy) / length
     half_way, chord = heading + motion[2] / 2.0, sinc(motion[2] / 2.0)
-    cosine, sine = math.cos(half_way), math.sin(half_way)
+    cosine, sine = direction_of(half_way)
     speed = chord * ((cosine * motion[0] - sine * motion[1]) * nx + (sine * motion[0] + cosine * motion[1]) * ny)
     way = speed - max(length - load.form.radius - radius, 0.0)
     arm = (px - load.pose[0]) * ny - (py - load.pose[1]) * nx
@@ -214,7 +215,9 @@ def wrench_of(pushes: list[RobotPush]) -> Wrench:
 def twist_of(wrench: Wrench, pushes: list[RobotPush], load: Load, longest: float) -> Pose | None:
     """Return the motion of a load in this step, as (x, y, turn), or None if it stays."""
     turn = wrench.torque / load.form.lever**2
-    if wrench.x**2 + wrench.y**2 + turn * wrench.torque <= load.resistance**2 * (1.0 + EQUAL):
+    if wrench.x * wrench.x + wrench.y * wrench.y + turn * wrench.torque <= load.resistance * load.resistance * (
+        1.0 + EQUAL
+    ):
         return None
     # Robots that are driven back by the others do not affect its speed.
     speeds = [(p, wrench.x * p.x + wrench.y * p.y + turn * p.arm) for p in pushes]
@@ -222,7 +225,7 @@ def twist_of(wrench: Wrench, pushes: list[RobotPush], load: Load, longest: float
     if not along:
         return None
     rate = math.fsum(way for way, _ in along) / math.fsum(speed for _, speed in along)
-    fastest = rate * (math.hypot(wrench.x, wrench.y) + abs(turn) * load.form.reach)
+    fastest = rate * (hypot(wrench.x, wrench.y) + abs(turn) * load.form.reach)
     rate *= min(1.0, longest / fastest)
     return rate * wrench.x, rate * wrench.y, rate * turn
 
@@ -234,11 +237,11 @@ def borne(wrench: Wrench, stops: list[Stop], lever: float) -> Wrench:
     into any of them (projected Gauss and Seidel rounds).
     """
     forces = [0.0] * len(stops)
-    hair = HAIR * math.hypot(wrench.x, wrench.y)
+    hair = HAIR * hypot(wrench.x, wrench.y)
     for _ in range(ROUNDS):
         for k, stop in enumerate(stops):
             leaving = wrench.x * stop.x + wrench.y * stop.y + wrench.torque * stop.arm / lever**2
-            more = max((hair - leaving) / (1.0 + (stop.arm / lever) ** 2), -forces[k])
+            more = max((hair - leaving) / (1.0 + (stop.arm / lever) * (stop.arm / lever)), -forces[k])
             forces[k] += more
             wrench = Wrench(wrench.x + more * stop.x, wrench.y + more * stop.y, wrench.torque + more * stop.arm)
     return wrench

@@ -1,6 +1,6 @@
-"""Recordings in `tests/recording/files` that were made with version 0.2.0 at commit baa75a47, and how.
+"""Recordings in `tests/recording/files` that were made with version 0.3.0, the first of engine bits 2, and how.
 
-Each has 58 steps, and checkpoints at the beginning and after 20 and 40 of them, about 17 kB each. They are made again,
+Each has 58 steps, and checkpoints at the beginning and after 20 and 40 of them, about 80 kB each. They are made again,
 with the code of any checkout, by
 
     python tests/support/stored_recordings.py FOLDER
@@ -31,7 +31,7 @@ RECORDED = {
 
 
 def path_of(name: str, folder: Path = FILES) -> Path:
-    return folder / f"{name}_baa75a47.arrow"
+    return folder / f"{name}_0.3.0.arrow"
 
 
 def class_of(name: str) -> type[SwarmModel]:

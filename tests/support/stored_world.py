@@ -1,4 +1,4 @@
-"""A world with nearly all that can be recorded, of which a recording of commit baa75a47 is stored.
+"""A world with nearly all that can be recorded, of which a recording is stored.
 
 It is small, and its class is at the address that the recording names: leave both as they are.
 """
