@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, shortened
+from mesa_swarm.kernels.event_rows import ONLY, EventBuffer
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.read_only import read_only
@@ -131,6 +132,23 @@ class EventsPart(Part):
     def __init__(self, model: Any) -> None:
         self.model = model
         self.log = EventLog()
+        # Events that compiled functions have reported since, with codes of their own.
+        self.buffer = EventBuffer.empty()
+        self._reported: list[str] = []
+
+    def code_of(self, name: str) -> int:
+        """Return the code of events of a name in the buffer."""
+        if name not in self._reported:
+            self._reported.append(name)
+        return self._reported.index(name)
+
+    def flush(self) -> None:
+        """Add to the log what compiled functions have reported."""
+        buffer = self.buffer
+        count, buffer.filled[ONLY] = int(buffer.filled[ONLY]), 0
+        columns = (buffer.step, buffer.code, buffer.unique_id, buffer.value)
+        for step, code, unique_id, value in zip(*(column[:count].tolist() for column in columns), strict=True):
+            self.log.append(step, self._reported[code], unique_id, value)
 
     def parameters(self) -> dict[str, Any]:
         """Return all series of the log."""
@@ -179,4 +197,5 @@ class EventsPart(Part):
                 raise InvalidValueError(f"robot is {shortened(robot)}; expected one of this model's robots, or None")
             robot.alive()
             unique_id = robot.unique_id
+        self.flush()  # in their order
         self.log.append(self.model.steps, name, unique_id, value)

@@ -2,7 +2,7 @@
 
 import inspect
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from types import FunctionType, MappingProxyType
@@ -26,7 +26,9 @@ from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.custom_functions import compile_custom
 from mesa_swarm.kernels.custom_kernels import CHANCE, STEP, kernel_of_function
 from mesa_swarm.kernels.draws import stream_of
+from mesa_swarm.kernels.event_rows import INFINITE, ReportArrays, collect_events
 from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.processes import Process
 from mesa_swarm.robots.devices import warn_of_plain
 
@@ -48,14 +50,22 @@ class ProcessRule(Process):
         What it remembers from step to step.
     every : int
         It takes place in the steps that this divides.
+    events : tuple of str
+        Names of events that it reports.
     """
 
     resumable = True
 
     def __init__(
-        self, function: FunctionType, numbers: Mapping[str, float], memory: Mapping[str, np.ndarray], every: int
+        self,
+        function: FunctionType,
+        numbers: Mapping[str, float],
+        memory: Mapping[str, np.ndarray],
+        every: int,
+        events: tuple[str, ...] = (),
     ) -> None:
-        self.function, self.numbers, self._every = function, MappingProxyType(dict(numbers)), every
+        self.function, self.numbers, self._every, self.events = function, MappingProxyType(dict(numbers)), every, events
+        self._reports = np.empty((len(events), 0))
         self.memory = {name: array.copy() for name, array in memory.items()}
         self.__name__, self.__doc__ = function.__name__, function.__doc__
 
@@ -69,7 +79,7 @@ class ProcessRule(Process):
             if name not in self.numbers:
                 raise UnknownNameError(unknown_name(f"parameter of {self.__name__}", name, self.numbers))
             check_number(f"{self.__name__}'s {name}", value)
-        return ProcessRule(self.function, {**self.numbers, **changes}, self.memory, self.every)
+        return ProcessRule(self.function, {**self.numbers, **changes}, self.memory, self.every, self.events)
 
     def __getattr__(self, name: str) -> Any:
         """Return what it remembers by its name: a number, or an array of several."""
@@ -83,14 +93,14 @@ class ProcessRule(Process):
         module, name = self.function.__module__, self.function.__qualname__
         replacing = getattr(sys.modules.get(module), name, None)
         source = (module, name) if isinstance(replacing, ProcessRule) else self.function
-        return rule_of_process, (source, dict(self.numbers), self.memory, self.every)
+        return rule_of_process, (source, dict(self.numbers), self.memory, self.every, self.events)
 
     def __deepcopy__(self, memo: dict) -> "ProcessRule":
-        return ProcessRule(self.function, self.numbers, self.memory, self.every)
+        return ProcessRule(self.function, self.numbers, self.memory, self.every, self.events)
 
     def for_model(self) -> "ProcessRule":
         """Return the process that a model has: one with a memory of its own."""
-        return ProcessRule(self.function, self.numbers, self.memory, self.every)
+        return ProcessRule(self.function, self.numbers, self.memory, self.every, self.events)
 
     def checkpoint(self) -> dict:
         """Return what it remembers, its numbers, and its source, which the fingerprint of a model includes."""
@@ -144,6 +154,7 @@ class ProcessRule(Process):
             kernel.run(model.steps, len(model.swarm))
         else:
             self._call(model, partial(self.function, **self._present(model)))
+            self._reporting(model).run(model.steps, len(model.swarm))
 
     def _call(self, model: Any, function: Callable[[], Any]) -> None:
         try:
@@ -151,6 +162,7 @@ class ProcessRule(Process):
         except (SwarmError, UncompiledBehaviourWarning):
             raise
         except Exception as error:
+            self._reports[:] = np.nan
             problem = " ".join(f"{type(error).__name__}: {error}".split())
             raise BehaviourError(
                 f"process {self.__name__} failed in step {model.steps}: it raised {problem}"
@@ -166,7 +178,11 @@ class ProcessRule(Process):
     def arguments(self, model: Any) -> dict[str, Any]:
         """Return arrays and numbers by the names that the function takes; `chance` is 0 until it is drawn."""
         columns = self.columns_of(model)
-        found: dict[str, Any] = {**columns, **self.memory, **self.numbers, STEP: int(model.steps), CHANCE: 0.0}
+        if self._reports.shape[1] != len(model.swarm):
+            self._reports = np.full((len(self.events), len(model.swarm)), np.nan)
+        reports = dict(zip(self.events, self._reports, strict=True))
+        numbers = {**self.numbers, STEP: int(model.steps), CHANCE: 0.0}
+        found: dict[str, Any] = {**columns, **self.memory, **reports, **numbers}
         for name in inspect.signature(self.function).parameters:
             if name not in found:
                 raise UnknownNameError(unknown_name(f"parameter of process {self.__name__}", name, sorted(found)))
@@ -192,7 +208,8 @@ class ProcessRule(Process):
         if self.takes_model:
             return None
         arguments = self.arguments(model)
-        arguments[CHANCE], key = self._stream(model), [*map(_identity, arguments.values())]
+        arguments[CHANCE] = self._stream(model)
+        key = [*map(_identity, (*arguments.values(), model.swarm.version, model.parts.events.buffer.filled))]
         if self.__dict__.get("_made", (None,))[0] != key:
             self.__dict__["_made"] = key, self._make_kernel(model, arguments)
         return self.__dict__["_made"][1]
@@ -207,7 +224,29 @@ class ProcessRule(Process):
             warn_of_plain(self.function, f"process {self.__name__}", made.problem)
             return None
         block = Block(made.arrays(*values.values(), stream_of(generator)))
-        return Kernel(made.code, block.numbers, (block, generator), partial(self._fail, model))
+        kernel = Kernel(made.code, block.numbers, (block, generator), partial(self._fail, model))
+        if not self.events:
+            return kernel
+        reporting = self._reporting(model)
+        return sequence_of([kernel, reporting])._replace(finish=reporting.finish)
+
+    def _reporting(self, model: Any) -> Kernel:
+        """Return the kernel that collects the events that were reported."""
+        part, ids = model.parts.events, model.swarm.unique_ids.copy()
+        codes = np.array([part.code_of(name) for name in self.events], np.int64)
+        block = Block(ReportArrays(self._reports, codes, ids, part.buffer))
+        return Kernel(collect_events, block.numbers, block, partial(self._attend_events, model), part.flush)
+
+    def _attend_events(self, model: Any, code: int) -> None:
+        """Empty the buffer; refuse a number that no event can have."""
+        if code == INFINITE:
+            place, row = (int(index) for index in np.argwhere(np.isinf(self._reports))[0])
+            value, self._reports[:] = self._reports[place, row], np.nan
+            raise BehaviourError(
+                f"process {self.__name__} failed in step {model.steps}: it reported {self.events[place]} of robot "
+                f"{model.swarm.agents[row].unique_id} as {value}; expected a finite number"
+            )
+        model.parts.events.flush()
 
     def _fail(self, model: Any, code: int) -> None:
         """Raise the error of the function, which is called once more for it."""
@@ -221,10 +260,10 @@ class ProcessRule(Process):
         return arguments
 
 
-def rule_of_process(source: Any, numbers: dict, memory: dict, every: int) -> ProcessRule:
+def rule_of_process(source: Any, numbers: dict, memory: dict, every: int, events: tuple[str, ...] = ()) -> ProcessRule:
     """Return a process of a function, or of that of another process, by its module and its name."""
     function = getattr(import_module(source[0]), source[1]).function if isinstance(source, tuple) else source
-    return ProcessRule(function, numbers, memory, every)
+    return ProcessRule(function, numbers, memory, every, events)
 
 
 def _identity(value: Any) -> Any:
@@ -238,11 +277,17 @@ def process(function: Callable) -> ProcessRule: ...
 
 
 @overload
-def process(*, memory: Mapping[str, Any] | None = None, every: int = 1) -> Callable[[Callable], ProcessRule]: ...
+def process(
+    *, memory: Mapping[str, Any] | None = None, every: int = 1, events: Sequence[str] = ()
+) -> Callable[[Callable], ProcessRule]: ...
 
 
 def process(
-    function: Callable | None = None, *, memory: Mapping[str, Any] | None = None, every: int = 1
+    function: Callable | None = None,
+    *,
+    memory: Mapping[str, Any] | None = None,
+    every: int = 1,
+    events: Sequence[str] = (),
 ) -> ProcessRule | Callable[[Callable], ProcessRule]:
     """Make a process of a function, to be added by `SwarmModel.add_process`.
 
@@ -254,6 +299,7 @@ def process(
     | a column, such as `position` or `temperature` | an array with a row a robot |
     | a column of another part, `fires_out` | that of ``model.parts["fires"]`` |
     | a name in `memory` | an array of the numbers that the process remembers, to be changed in place |
+    | a name in `events` | an array with a row a robot: a number that is set is an event of that robot |
     | `step` | the number of the step, from 1 |
     | `chance` | a number from 0 to 1, drawn in each step |
     | one with a default | a number, which ``rule(name=value)`` replaces |
@@ -268,11 +314,13 @@ def process(
         What the process remembers: names, and a number or a list of numbers each; hashed, stored and resumed.
     every : int
         It takes place in the steps that this divides, at least 1.
+    events : sequence of str, optional
+        Names of events that it reports, see `SwarmModel.event`: parameters of the function.
 
     Raises
     ------
     InvalidValueError
-        If it is not a function, or a parameter has a default that is not a number.
+        If it is not a function, a parameter has a default that is not a number, or an event is not a parameter.
     UnknownNameError
         When it is added to a model without what a parameter names.
 
@@ -290,11 +338,11 @@ def process(
     400.0
     """
     if function is None:
-        return partial(_process_of, memory=memory, every=every)
-    return _process_of(function, memory, every)
+        return partial(_process_of, memory=memory, every=every, events=events)
+    return _process_of(function, memory, every, events)
 
 
-def _process_of(function: Callable, memory: Mapping[str, Any] | None, every: int) -> ProcessRule:
+def _process_of(function: Callable, memory: Mapping[str, Any] | None, every: int, events: Sequence[str]) -> ProcessRule:
     function = getattr(function, "py_func", function)
     if not isinstance(function, FunctionType):
         raise InvalidValueError(f"process got {shortened(function)}; expected a function of model, or of arrays")
@@ -307,7 +355,24 @@ def _process_of(function: Callable, memory: Mapping[str, Any] | None, every: int
         if not isinstance(number, bool):
             check_number(f"{function.__name__}'s {name}", number)
     arrays = {name: check_remembered(function.__name__, name, first) for name, first in (memory or {}).items()}
-    return ProcessRule(function, numbers, arrays, check_count("every", every, minimum=1))
+    names = check_event_names(function, events, {*numbers, *arrays, STEP, CHANCE})
+    return ProcessRule(function, numbers, arrays, check_count("every", every, minimum=1), names)
+
+
+def check_event_names(function: FunctionType, events: Any, others: set[str]) -> tuple[str, ...]:
+    """Return names of events that are parameters of a function, each of its own; others are refused."""
+    if isinstance(events, str) or not isinstance(events, Iterable):
+        raise InvalidValueError(f"events is {shortened(events)}; expected names of parameters such as ('delivered',)")
+    names, parameters = tuple(events), inspect.signature(function).parameters
+    if names and MODEL in parameters:
+        raise InvalidValueError(f"process {function.__name__} takes the model and got events; call model.event instead")
+    for name in names:
+        if name not in parameters or name in others or names.count(name) > 1:
+            raise InvalidValueError(
+                f"events of process {function.__name__} has {shortened(name)}; expected parameters of the function "
+                "that are nothing else, each once"
+            )
+    return names
 
 
 def check_remembered(process_name: str, name: str, first: Any) -> np.ndarray:
