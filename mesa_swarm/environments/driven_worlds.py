@@ -1,7 +1,8 @@
 """Worlds of learners that take a step side by side in one compiled call: command, step, rewards and observations."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from contextlib import suppress
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel, Phase
-from mesa_swarm.kernels.plan import Driver
+from mesa_swarm.kernels.plan import CODE, TAKEN, Driver
 from mesa_swarm.kernels.type_names import Flags, RealRows, Reals
 from mesa_swarm.model.driving import list_due_of_model
 from mesa_swarm.model.mesa_model import set_steps
@@ -169,12 +170,23 @@ class DrivenWorld:
             world.note_start()
         if self._swarm.disturbances[0] or self._parts.robots.cache.state is not self._reading:
             world.sense()  # as a step would: something has changed since
+        self._driver.begin()  # type: ignore[union-attr]
         return 1, world._completed, world.steps, self._robots, True
 
     def attend(self, code: int) -> bool:
         """Do in Python what a kernel could not, so that the step goes on."""
         self._driver.attend(code)  # type: ignore[union-attr]
         return True
+
+    def break_off(self) -> None:
+        """Count the step if it is taken, or can be taken to its end; of one that fails that it has begun."""
+        driver, world = cast(Driver, self._driver), self.world
+        with suppress(Exception):  # the error of this world is raised already
+            driver.finish_step(world._completed, world.steps, self._robots, lambda taken, more: None)
+        if driver.progress[TAKEN]:
+            self.end_step()
+        elif driver.progress[CODE]:
+            set_steps(world, world.steps + 1)
 
     def end_step(self) -> None:
         """Count the step, take what kernels have written, and note that sensors were read after it."""

@@ -224,7 +224,12 @@ class VectorSwarmEnv:
         """Take a step of worlds in one compiled call."""
         blocks = np.array([driven.numbers for driven in together])
         orders = np.array([driven.begin_step() for driven in together], np.int64)
-        call_worlds(blocks, orders, self.threads, lambda row, code: together[row].attend(code))
+        try:
+            call_worlds(blocks, orders, self.threads, lambda row, code: together[row].attend(code))
+        except BaseException:  # Ctrl-C, or an error in one of the worlds
+            for driven in together:
+                driven.break_off()
+            raise
         for driven in together:
             driven.end_step()
         self._arrays.late[[driven.row for driven in together]] = orders[:, BEGUN] + 1 >= self.task.max_steps

@@ -16,6 +16,7 @@ from mesa_swarm.environments import (
     FindFires,
     Foraging,
     VectorSwarmEnv,
+    vector,
 )
 from mesa_swarm.environments.driven_worlds import DrivenWorld
 from mesa_swarm.environments.variation import Variation
@@ -210,3 +211,77 @@ def test_a_copy_goes_on_in_the_same_way(copied):
 def test_a_wrong_number_of_threads_is_refused_in_one_line():
     with pytest.raises(InvalidValueError, match=r"^threads is 0; expected"):
         VectorSwarmEnv(DRIVEN["speed"], n_worlds=1, threads=0)
+
+
+def crowded_env():
+    """Return worlds so crowded that the room for pairs does not do at first, with their episodes begun."""
+    env = VectorSwarmEnv(CollisionAvoidance(n_robots=60, map="openspace", max_steps=50), n_worlds=3)
+    env.reset(seed=5)
+    for world in env.worlds:
+        for robot, (x, y) in zip(world.robots, np.ndindex(8, 8), strict=False):
+            robot.position = (300.0 + 16.0 * x, 200.0 + 16.0 * y)
+    return env
+
+
+def interrupt_once(monkeypatch, owner, name, after):
+    """Let a function raise `KeyboardInterrupt` when it is called for the first time, before or after its work."""
+    original, called = getattr(owner, name), []
+
+    def function(*arguments):
+        if called:
+            return original(*arguments)
+        called.append(name)
+        if after:
+            original(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(owner, name, function)
+    return called
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "after"), [(vector, "call_worlds", True), (DrivenWorld, "attend", False)], ids=["after", "within"]
+)
+def test_ctrl_c_in_a_call_leaves_all_worlds_after_the_step_and_none_within_it(monkeypatch, owner, name, after):
+    actions = np.random.default_rng(2).uniform(-1, 1, (6, 3, 60, 2))
+    whole, interrupted = crowded_env(), crowded_env()
+    called = interrupt_once(monkeypatch, owner, name, after)
+    steps = 0
+    for action in actions:
+        try:
+            interrupted.step(action)
+        except KeyboardInterrupt:
+            steps += 1
+    monkeypatch.undo()
+    for action in actions:
+        whole.step(action)
+    assert (called, steps) == ([name], 1)
+    for one, other in zip(interrupted.worlds, whole.worlds, strict=True):
+        assert (one.steps, one.completed) == (other.steps, other.completed)
+        assert one.state_hash() == other.state_hash()
+
+
+def test_an_error_in_one_world_leaves_the_others_after_the_step(monkeypatch):
+    env, whole = crowded_env(), crowded_env()
+    failing = []
+
+    def attend(driven, code):
+        if driven.row == 1 and not failing:
+            failing.append(code)
+            monkeypatch.setattr(driven._driver, "attend", fail)
+        driven._driver.attend(code)
+        return True
+
+    def fail(code):
+        raise ValueError("no room")
+
+    monkeypatch.setattr(DrivenWorld, "attend", attend)
+    action = np.zeros((3, 60, 2))
+    with pytest.raises(ValueError, match="no room"):
+        env.step(action)
+    monkeypatch.undo()
+    whole.step(action)
+    assert [world.completed for world in env.worlds] == [1, 0, 1]
+    assert [world.steps for world in env.worlds] == [1, 1, 1]
+    assert env.worlds[0].state_hash() == whole.worlds[0].state_hash()
+    assert env.worlds[2].state_hash() == whole.worlds[2].state_hash()
