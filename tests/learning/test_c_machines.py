@@ -1,5 +1,6 @@
 """Exported state machines: compiled without a warning, the same states and wheels as in Python for the same chances."""
 
+import copy
 import ctypes
 import re
 from dataclasses import dataclass, replace
@@ -57,32 +58,25 @@ from it -> to: Chance(probability=0.3)
 }
 
 
-class Drawn:
-    """A random stream whose numbers are given beforehand: the next columns of chances (n, c)."""
-
-    def __init__(self):
-        self.chances, self.used = np.empty((0, 0)), 0
-
-    def random(self, shape):
-        columns = shape[1] if isinstance(shape, tuple) else 1
-        found = self.chances[:, self.used : self.used + columns]
-        self.used += columns
-        return found.copy() if isinstance(shape, tuple) else found[:, 0].copy()
-
-    def uniform(self, low, high, size):
-        return low + (high - low) * self.random(size)
-
-
 def driven(machine, design):
-    """Return a model whose machine draws from one `Drawn`, and that."""
-    model, drawn = empty(2000, 2000, rng=1), Drawn()
+    """Return a model whose machine drives robots of a design."""
+    model = empty(2000, 2000, rng=1)
     model.add_robots(design, poses=[(20.0 + 40 * (k % 40), 20.0 + 40 * (k // 40), 0.0) for k in range(ROBOTS)])
     model.control = machine
     model.sense()
-    for part in (model.control, *model.control.layers):
-        if hasattr(part, "_rng"):
-            object.__setattr__(part, "_rng", drawn)
-    return model, drawn
+    return model
+
+
+def decide_noting_chances(control, senses, command, layer):
+    """Let a machine decide, and return the numbers that it and its layers have drawn, (n, c), in their order."""
+    streams = [part._rng for part in (control, *control.layers) if hasattr(part, "_rng")]
+    before = copy.deepcopy(streams)
+    control.decide(senses, command, layer)
+    drawn = [before[0].random((ROBOTS, control._most))]
+    for former, stream in zip(before[1:], streams[1:], strict=True):
+        if former.bit_generator.state != stream.bit_generator.state:
+            drawn.append(former.random((ROBOTS, 1)))
+    return np.hstack(drawn)
 
 
 def made(senses, rng):
@@ -101,19 +95,18 @@ def made(senses, rng):
 def test_compiled_c_changes_states_and_drives_as_the_machine(name, design, tmp_path):
     machine, rng = StateMachine.read(MACHINES[name]), np.random.default_rng(1)
     source = export_machine(machine, design, tmp_path / "robot.c")[0]
-    library, (model, drawn) = compiled_machine(source), driven(machine, design)
+    library, model = compiled_machine(source), driven(machine, design)
     chances = int(source.with_suffix(".h").read_text().split("ROBOT_CHANCES ")[1].split()[0])
     sides = model.swarm.columns["tendency"].astype(np.int8)
     library.reset_all(ctypes.c_int(ROBOTS), place(sides))
     command, layer = np.empty((ROBOTS, 2)), np.empty(ROBOTS, np.int64)
     now, wheels, visited = np.empty(ROBOTS, np.int8), np.empty((ROBOTS, 2)), set()
     for _ in range(STEPS):
-        drawn.chances, drawn.used = rng.random((ROBOTS, chances)), 0
         senses = made(Senses.of(model.swarm), rng)
-        model.control.decide(senses, command, layer)
+        drawn = decide_noting_chances(model.control, senses, command, layer)
         arrays = senses.distance, senses.kind.astype(np.int8), senses.line.astype(np.uint8), senses.radiation
-        library.act_all(ctypes.c_int(ROBOTS), *map(place, (*arrays, drawn.chances, now, wheels)))
-        assert drawn.used == chances
+        library.act_all(ctypes.c_int(ROBOTS), *map(place, (*arrays, drawn, now, wheels)))
+        assert drawn.shape[1] == chances
         assert (now == model.control.now).all()
         assert np.abs(wheels - command / design.max_speed).max() <= 1e-6
         visited |= set(now.tolist())
