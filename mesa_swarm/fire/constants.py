@@ -4,13 +4,16 @@ import math
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from decimal import Decimal, localcontext
 
 from mesa_swarm.base.errors import FireConstantsWarning, InvalidValueError, check_flag, check_number, shortened
-from mesa_swarm.kernels.elementary import expm1, log
 
 LONGEST = 1e12
 # Of the extinguishing with which one robot just holds the smallest fire: rounding must not tip the balance.
 HELD = 0.95
+LOG_2 = 0.6931471805599453
+# Digits of a share, which has 16.
+DIGITS = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,9 +145,8 @@ def design_constants(
     balance_temperature = check_number("balance_temperature", balance_temperature, above=0, maximum=0.999999)
     stay_time = check_number("stay_time", stay_time, above=0, maximum=LONGEST)
     rest_time = check_number("rest_time", rest_time, above=0, maximum=LONGEST)
-    k1 = log(2) / growth_time
-    # E / (E - 1), written so that it neither overflows for long times nor cancels for short ones.
-    share = -1.0 / expm1(-k1 * extinguish_time)
+    k1 = LOG_2 / growth_time
+    share = grown_share(k1 * extinguish_time)
     least_k2 = k1 * area / robots * (1.0 + initial_temperature * share)
     held = HELD * k1 * (area if areas is None else min(all_areas)) * (initial_temperature + 1.0)
     k2 = least_k2 if check_flag("alone", alone) else min(least_k2, held)
@@ -162,6 +164,22 @@ def design_constants(
     warned = [too_few] if k2 < least_k2 else []
     remarks = _remarks(k1, k2, k4, largest_area, balance_temperature, stay_time, rest_time, join, warned)
     return FireConstants(k1, k2, k3, k4, stay_time, join, (remark, *remarks))
+
+
+def grown_share(growth: float) -> float:
+    """Return E / (E - 1) for E = exp(growth), rounded once, so that it is the same whatever the C library.
+
+    Not by `kernels.elementary`: what lists models and their constants would wait for a compiler.
+
+    Examples
+    --------
+    >>> grown_share(0.5)
+    2.5414940825367984
+    """
+    with localcontext() as context:
+        exact = Decimal(growth)
+        context.prec = DIGITS + max(0, -exact.adjusted())  # as many again as cancel
+        return float(1 / (1 - (-exact).exp()))
 
 
 def _checked_areas(areas: Iterable[float]) -> list[float]:

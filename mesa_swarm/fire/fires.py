@@ -397,7 +397,7 @@ class History:
         if count:
             steps, rows = self._written
             self._steps.extend(steps[:count].tolist())
-            self._rows.extend(rows[:count].copy())
+            self._rows.extend(row.copy() for row in rows[:count])  # arrays of their own, as they are stored
             self._count[ONLY] = 0
 
     @property

@@ -65,8 +65,8 @@ def reduce_angle(x):
         first, rest = second, quarters * QUARTER_3
         second = first - rest
         rest = quarters * QUARTER_3_REST - ((first - second) - rest)
-    angle = second - rest
-    return int(quarters) & 3, angle, (second - angle) - rest
+    azimuth = second - rest
+    return int(quarters) & 3, azimuth, (second - azimuth) - rest
 
 
 @compiled
@@ -120,11 +120,11 @@ def measure_remainder(high, middle, low, is_negative):
     rest = (np.float64(fraction & 2047) + np.float64(more) * 2.0**-64) * 2.0**-64
     turned = first + rest
     rest -= turned - first
-    angle, error = product_and_error(turned, QUARTER)
+    azimuth, error = product_and_error(turned, QUARTER)
     error += turned * QUARTER_REST + rest * QUARTER
     if is_negative:
-        return -quarters & 3, -(angle + error), (angle + error - angle) - error
-    return quarters & 3, angle + error, error - (angle + error - angle)
+        return -quarters & 3, -(azimuth + error), (azimuth + error - azimuth) - error
+    return quarters & 3, azimuth + error, error - (azimuth + error - azimuth)
 
 
 @compiled
@@ -164,8 +164,8 @@ def sin(x):
     >>> sin(0.5)
     0.479425538604203
     """
-    quarters, angle, rest = reduce_angle(x)
-    value = sine_near(angle, rest) if quarters & 1 == 0 else cosine_near(angle, rest)
+    quarters, azimuth, rest = reduce_angle(x)
+    value = sine_near(azimuth, rest) if quarters & 1 == 0 else cosine_near(azimuth, rest)
     return value if quarters < 2 else -value
 
 
@@ -178,8 +178,8 @@ def cos(x):
     >>> cos(0.5)
     0.8775825618903728
     """
-    quarters, angle, rest = reduce_angle(x)
-    value = cosine_near(angle, rest) if quarters & 1 == 0 else sine_near(angle, rest)
+    quarters, azimuth, rest = reduce_angle(x)
+    value = cosine_near(azimuth, rest) if quarters & 1 == 0 else sine_near(azimuth, rest)
     return value if quarters & 1 == quarters >> 1 else -value
 
 
@@ -192,8 +192,8 @@ def direction_of(heading):
     >>> direction_of(0.5) == (cos(0.5), sin(0.5))
     True
     """
-    quarters, angle, rest = reduce_angle(heading)
-    x, y = cosine_near(angle, rest), sine_near(angle, rest)
+    quarters, azimuth, rest = reduce_angle(heading)
+    x, y = cosine_near(azimuth, rest), sine_near(azimuth, rest)
     if quarters & 1:
         x, y = -y, x
     return (x, y) if quarters < 2 else (-x, -y)
@@ -248,8 +248,8 @@ def angle_of_tangent(a, more):
         arc = ARCS[nearest]
         lacks -= ARC_RESTS[nearest]
     before = lacks - tangent
-    angle = arc - before
-    return angle, (arc - angle) - before if nearest >= 0 else (tangent - angle) - lacks
+    azimuth = arc - before
+    return azimuth, (arc - azimuth) - before if nearest >= 0 else (tangent - azimuth) - lacks
 
 
 @compiled
@@ -267,15 +267,15 @@ def atan2(y, x):
     if math.isinf(across) and math.isinf(ahead):
         across, ahead = 1.0, 1.0
     if across == 0.0:
-        angle, rest = 0.0, 0.0
+        azimuth, rest = 0.0, 0.0
     elif ahead == 0.0:
-        angle, rest = QUARTER, QUARTER_REST
+        azimuth, rest = QUARTER, QUARTER_REST
     else:
-        angle, rest = angle_of_quotient(across, ahead)
+        azimuth, rest = angle_of_quotient(across, ahead)
     if math.copysign(1.0, x) < 0.0:
-        before, angle = angle, HALF_TURN - angle
-        angle += ((HALF_TURN - angle) - before) + (HALF_TURN_REST - rest)
-    return math.copysign(angle, y)
+        before, azimuth = azimuth, HALF_TURN - azimuth
+        azimuth += ((HALF_TURN - azimuth) - before) + (HALF_TURN_REST - rest)
+    return math.copysign(azimuth, y)
 
 
 @compiled

@@ -27,7 +27,7 @@ from mesa_swarm.kernels.custom_functions import compile_custom
 from mesa_swarm.kernels.custom_kernels import CHANCE, STEP, kernel_of_function
 from mesa_swarm.kernels.draws import stream_of
 from mesa_swarm.kernels.event_rows import INFINITE, ReportArrays, collect_events
-from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.part import Kernel, Prepared
 from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.processes import Process
 from mesa_swarm.robots.devices import warn_of_plain
@@ -65,7 +65,7 @@ class ProcessRule(Process):
         events: tuple[str, ...] = (),
     ) -> None:
         self.function, self.numbers, self._every, self.events = function, MappingProxyType(dict(numbers)), every, events
-        self._reports = np.empty((len(events), 0))
+        self._reports, self._prepared = np.empty((len(events), 0)), Prepared()
         self.memory = {name: array.copy() for name, array in memory.items()}
         self.__name__, self.__doc__ = function.__name__, function.__doc__
 
@@ -210,9 +210,9 @@ class ProcessRule(Process):
         arguments = self.arguments(model)
         arguments[CHANCE] = self._stream(model)
         key = [*map(_identity, (*arguments.values(), model.swarm.version, model.parts.events.buffer.filled))]
-        if self.__dict__.get("_made", (None,))[0] != key:
-            self.__dict__["_made"] = key, self._make_kernel(model, arguments)
-        return self.__dict__["_made"][1]
+        if self._prepared.state != key:
+            self._prepared.state, self._prepared.kernel = key, self._make_kernel(model, arguments)
+        return self._prepared.kernel
 
     def _make_kernel(self, model: Any, arguments: dict[str, Any]) -> Kernel | None:
         generator = arguments.pop(CHANCE)

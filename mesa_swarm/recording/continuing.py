@@ -30,7 +30,7 @@ from mesa_swarm.model.control_part import ControlPart
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters
 from mesa_swarm.model.robots_part import role_of
-from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of, is_float, quick_fingerprint
+from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of, is_float, quick_fingerprint, stored_state
 from mesa_swarm.model.state import KINDS as ARRAY_KINDS
 from mesa_swarm.recording.collected_data import reporters_of, set_clock
 from mesa_swarm.recording.objects import (
@@ -506,7 +506,7 @@ def _take_owner(kind: str, owner: Any, was: Any, first: Any, carrier: "_Carrier"
     """Copy what the run has changed in a process, a layer or an agent; what stores itself takes over as a whole."""
     is_whole = kind != "agent" and isinstance(owner, Checkpointed)
     is_ours = kind == "layer" and type(owner).__module__.startswith(OURS)
-    is_bare = kind == "process" and first is None  # made without its constructor
+    is_bare = kind == "process" and first is None and not _copies_itself(owner)  # made without its constructor
     if owner is not None and not is_ours and (is_bare or not is_whole):
         _take_attributes(owner, _values_of(was), _values_of(first), carrier)
     if is_whole and type(owner) is type(was):
@@ -534,11 +534,16 @@ def _take_processes(new: EngineModel, old: EngineModel, fresh: EngineModel) -> N
     """Add and remove the processes that the run did; the attributes of those that are added follow."""
     mine, others, first = (model.parts.processes.numbered for model in (new, old, fresh))
     for number in others.keys() - first.keys() - mine.keys():
-        kind: Any = type(others[number])
-        mine = {**mine, number: kind.__new__(kind)}
+        kind, other = cast(Any, type(others[number])), cast(Any, others[number])
+        mine = {**mine, number: other.for_model() if _copies_itself(other) else kind.__new__(kind)}
     if mine.keys() < others.keys():
         raise InvalidValueError("the change makes a model with fewer processes; change parameters that leave them")
     new.parts.processes.have({number: mine[number] for number in others})
+
+
+def _copies_itself(process: Any) -> bool:
+    """Return whether a process is made for a model as a copy, as one made of a function is."""
+    return callable(getattr(process, "for_model", None))
 
 
 def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel, carrier: "_Carrier") -> None:
@@ -621,7 +626,7 @@ def _by_place(model: EngineModel, by_label: bool) -> dict[str, dict[Any, Any]]:
 
 
 def _differ(first: Any, second: Any) -> bool:
-    """Return whether two values differ, objects of any class by all their attributes."""
+    """Return whether two values differ, objects by what their `checkpoint` returns, or else by all their attributes."""
     return first is not second and _deep_digest(first) != _deep_digest(second)
 
 
@@ -633,7 +638,7 @@ def _deep_digest(value: Any) -> bytes:
 
 
 def _divide(value: Any, entered: set[int]) -> Iterator[Any]:
-    """Iterate over the plain values in a value, and of each object in it, once, over its class and its attributes."""
+    """Iterate over the plain values in a value, and of each object in it, once, over its class and its state."""
     kind, of_objects = type(value), isinstance(value, np.ndarray) and value.dtype.kind not in ARRAY_KINDS
     if kind in ATOMS or is_float(value) or (isinstance(value, UNDIVIDED) and not of_objects):
         yield value
@@ -647,7 +652,7 @@ def _divide(value: Any, entered: set[int]) -> Iterator[Any]:
     elif isinstance(value, (set, frozenset)):
         parts = sorted(value, key=repr)
     else:
-        pairs = value.items() if isinstance(value, Mapping) else sorted(attributes_of(value).items())
+        pairs = value.items() if isinstance(value, Mapping) else sorted(stored_state(value).items())
         parts = [part for pair in pairs for part in pair]
     yield len(parts)
     for part in parts:

@@ -174,8 +174,8 @@ def _moment(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 def _antiderivative(tangent: float) -> float:
     slope = hypot(1.0, tangent)
-    angle = log1p(abs(tangent) + tangent * tangent / (1.0 + slope))  # of which the tangent is the hyperbolic sine
-    return tangent * slope + math.copysign(angle, tangent)
+    arc = log1p(abs(tangent) + tangent * tangent / (1.0 + slope))  # of which the tangent is the hyperbolic sine
+    return tangent * slope + math.copysign(arc, tangent)
 
 
 class BodyTable:

@@ -24,6 +24,7 @@ def needed(monkeypatch, tmp_path):
     """Models that need functions, none of which is compiled, and how their processes store them."""
     table = {"many": ["a", "b", "c"], "few": ["c"], "other": ["d"]}
     monkeypatch.setattr(module, "needed_functions", lambda: table)
+    monkeypatch.setattr(compiling, "_file_of", lambda name: f"{name}.nbc")
     for each in (module, code_files):
         monkeypatch.setattr(each, "list_folders", lambda: (tmp_path,))
     started = []

@@ -63,7 +63,7 @@ def arctangent(x):
     return 8 * total
 
 
-def angle(y, x):
+def azimuth(y, x):
     """Return the angle of a direction with x or y above 0, both at least 0."""
     return arctangent(y / x) if y <= x else PI / 2 - arctangent(x / y)
 
@@ -71,7 +71,7 @@ def angle(y, x):
 REFERENCES = {
     "sin": sine,
     "cos": lambda x: sine(x + PI / 2),
-    "atan": lambda x: angle(x, Decimal(1)) if x >= 0 else -angle(-x, Decimal(1)),
+    "atan": lambda x: azimuth(x, Decimal(1)) if x >= 0 else -azimuth(-x, Decimal(1)),
     "exp": lambda x: x.exp(),
     "log": lambda x: x.ln(),
     "log1p": lambda x: (1 + x).ln(),
@@ -110,7 +110,7 @@ def test_an_angle_is_right_to_one_unit_in_the_last_place(y, x):
     assume(abs(y) > 1e-150 and abs(x) > 1e-150 and 1e-150 < abs(y / x) < 1e150)
     with localcontext() as context:
         context.prec = DIGITS
-        exact = angle(abs(Decimal(y)), abs(Decimal(x)))
+        exact = azimuth(abs(Decimal(y)), abs(Decimal(x)))
         exact = (PI - exact if x < 0 else exact).copy_sign(Decimal(y))
         assert units_off(own.atan2(y, x), exact) <= 1.0
 

@@ -7,7 +7,7 @@ import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Field, Radio, Scale, SwarmModel, disc
+from mesa_swarm import AGENT9, Field, Radio, Scale, SwarmModel, disc, process
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, UnstoredStateWarning
 from mesa_swarm.control import Avoid, Chance, Explore, Halt, StateMachine, Subsumption, Transition
 from mesa_swarm.model.gallery import find_model, gallery_names
@@ -413,3 +413,17 @@ def test_a_run_goes_on_with_bodies_of_another_kind_though_others_were_added(adds
     assert [body.kind for body in again.bodies][4:] == ["wolf", *["obstacle"] * adds]
     assert again.kinds[4:] == ("puck", "wolf")
     again.run(2)
+
+
+@process(memory={"steps": 0})
+def count_steps(steps, pace=1.0):
+    """Count steps."""
+    steps[0] += 1
+
+
+def test_a_process_of_a_function_that_was_added_by_hand_goes_on_with_its_memory_and_numbers():
+    model = CollisionAvoidance(n_robots=4, rng=1)
+    model.add_process(count_steps(pace=2.0))
+    after = model.run(7).continued(distance=20).run(3)
+    assert (after.processes[0].steps, after.processes[0].numbers["pace"]) == (10, 2.0)
+    assert model.processes[0].steps == 7
