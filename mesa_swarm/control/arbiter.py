@@ -127,7 +127,7 @@ class Arbiter:
         count = Counter[str]()
         for index, layer in enumerate(arbiter.layers, start=first):
             count[layer.name] += 1
-            stream = f"decide.{place}{layer.name}" + (f" {count[layer.name]}" if count[layer.name] > 1 else "")
+            stream = f"decide.{place}{layer.name}" + (f"#{count[layer.name]}" if count[layer.name] > 1 else "")
             layer.bind(swarm, f"{index}.{place}{layer.name}", streams[stream])
         arbiter._bind(swarm, streams, first, place)
         return arbiter

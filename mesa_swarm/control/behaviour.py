@@ -18,7 +18,7 @@ from mesa_swarm.base.errors import (
     unknown_name,
 )
 from mesa_swarm.control.chance import KEY, PLACES
-from mesa_swarm.control.custom_fields import RuleFields, check_memory
+from mesa_swarm.control.custom_fields import RuleFields, check_memory, fields_used
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.rule import (
     PASS,
@@ -112,7 +112,7 @@ class Behaviour:
         self._swarm, self._prefix = swarm, prefix
         for name, first in self.memory.items():
             swarm.remember(f"{prefix}.{name}", first.shape, first.dtype.type, first)
-        self._rng = rng if uses_attribute(self.rule.function, "chance") else None
+        self._rng = rng if fields_used(self.rule.function, ("chance",)) else None  # what it passes me to may draw
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Apply the rule to every robot that no earlier layer drives."""

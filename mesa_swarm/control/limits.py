@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from operator import attrgetter
-from pathlib import Path
-from types import CodeType, FrameType, FunctionType, ModuleType
+from types import FrameType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -33,8 +32,8 @@ from mesa_swarm.control.chance import read_chance
 from mesa_swarm.control.source import attributes_used, functions_used, operands, operations, values_used
 from mesa_swarm.kernels import draws
 from mesa_swarm.kernels.custom_functions import VERSION as VERSION_OF_FUNCTIONS
-from mesa_swarm.kernels.custom_functions import constant_of, function_instead
-from mesa_swarm.kernels.digests import FUNCTIONS, digest_source
+from mesa_swarm.kernels.custom_functions import constant_of, function_instead, is_of_user, is_ours, user_options
+from mesa_swarm.kernels.digests import digest_source
 
 MOST_LOOPS = 1_000_000
 # Operations of which a function with loops has one.
@@ -42,10 +41,8 @@ LOOPS = {"FOR_ITER", "JUMP_BACKWARD", "JUMP_BACKWARD_NO_INTERRUPT"}
 LOOPS |= {f"POP_JUMP_BACKWARD_IF_{what}" for what in ("TRUE", "FALSE", "NONE", "NOT_NONE")}
 # Part of the digest by which compiled rules are stored: to be changed with what this file and `rule` add to them.
 VERSION = 4, *VERSION_OF_FUNCTIONS, *map(digest_source, (chance.__file__, draws.__file__))
-# Code in these folders is not a rule's: the package's own, which ends.
-OURS = str(Path(__file__).parents[1])
-GALLERY = str(Path(__file__).parents[1] / "models")
 LARGEST_WHOLE = 2.0**63
+GETATTR_ARGUMENTS = ("object", "name")
 
 
 class LoopsError(Exception):
@@ -263,7 +260,7 @@ def _limit_statement(code: Any, scope: Any, old: Any) -> Iterator[Any]:
         yield from _call(scope, check_item, [old.target, old.value], value, old.loc)
         old.value = value
         yield old
-    elif isinstance(old, ir.Assign) and _is_chance(old.value):
+    elif isinstance(old, ir.Assign) and _is_chance(code, old):
         raw = scope.redefine("$limit_chance", old.loc)
         yield ir.Assign(old.value, raw, old.loc)
         yield from _call(scope, read_chance, [raw], old.target, old.loc)
@@ -273,9 +270,19 @@ def _limit_statement(code: Any, scope: Any, old: Any) -> Iterator[Any]:
         yield old
 
 
-def _is_chance(value: Any) -> bool:
+def _is_chance(code: Any, assignment: Any) -> bool:
     """Return whether a rule reads `chance` of something, which is `me` or an object of the user's."""
-    return isinstance(value, ir.Expr) and value.op == "getattr" and value.attr == "chance"
+    value = assignment.value
+    if not isinstance(value, ir.Expr):
+        return False
+    if value.op == "getattr" and value.attr == "chance":
+        return constant_of(code, assignment) is None  # not a function of that name in a module
+    if value.op != "call" or len(value.args) != len(GETATTR_ARGUMENTS):
+        return False
+    try:
+        return code.infer_constant(value.func) is getattr and code.infer_constant(value.args[1]) == "chance"
+    except Exception:  # Numba's, of what is not a constant
+        return False
 
 
 def _call(scope: Any, function: Callable, arguments: list, result: Any, place: Any) -> Iterator[Any]:
@@ -297,18 +304,13 @@ def _limit_functions(value: Any) -> Any:
         parts = [_limit_functions(part) for part in value]
         has_new = any(part is not None for part in parts)
         return tuple(old if new is None else new for old, new in zip(value, parts, strict=True)) if has_new else None
-    return limit_loops(value) if _is_users(value) else None
-
-
-# What compiled functions keep of the user's options.
-OPTIONS = ("boundscheck", "error_model", "fastmath")
+    return limit_loops(value) if is_of_user(value) else None
 
 
 @cache
 def limit_loops(function: Dispatcher) -> Dispatcher:
     """Return a compiled function of the user's, compiled again within limits."""
-    options = {name: function.targetoptions[name] for name in OPTIONS if name in function.targetoptions}
-    return njit(pipeline_class=LimitedCompiler, **options)(function.py_func)
+    return njit(pipeline_class=LimitedCompiler, **user_options(function))(function.py_func)
 
 
 def calls_itself(function: FunctionType) -> str | None:
@@ -343,7 +345,7 @@ def list_callees(function: FunctionType) -> list[FunctionType]:
 
 def _is_foreign(function: FunctionType) -> bool:
     """Return whether a function is of NumPy or the package, which both end."""
-    return (function.__module__ or "").partition(".")[0] in ("math", "numpy") or _is_ours(function.__code__)
+    return (function.__module__ or "").partition(".")[0] in ("math", "numpy") or is_ours(function.__code__)
 
 
 # ---- in plain Python
@@ -357,7 +359,7 @@ class _Tracer:
 
     def __call__(self, frame: FrameType, event: str, argument: Any) -> Callable | None:
         """Begin to count in a function, unless it is the package's."""
-        if event != "call" or _is_ours(frame.f_code):
+        if event != "call" or is_ours(frame.f_code):
             return None
         self.calls -= 1
         self._check(frame)
@@ -412,7 +414,7 @@ def uncompile(function: FunctionType, copies: dict[FunctionType, FunctionType] |
     copies = {} if copies is None else copies
     if function in copies:
         return copies[function]
-    compiled = {name: value for name, value in function.__globals__.items() if _is_users(value)}
+    compiled = {name: value for name, value in function.__globals__.items() if is_of_user(value)}
     plain_values = {name: compiled[name] for name, _ in values_used(function) if name in compiled}
     if not plain_values:
         return function
@@ -433,7 +435,7 @@ def find_uncounted(function: FunctionType) -> list[str]:
         names += [name for name, value in _list_imports(part) if _holds(value)]
         cells = part.__closure__ or ()
         names += [
-            name for name, cell in zip(part.__code__.co_freevars, cells, strict=True) if _is_users(_content(cell))
+            name for name, cell in zip(part.__code__.co_freevars, cells, strict=True) if is_of_user(_content(cell))
         ]
     return sorted(set(names))
 
@@ -444,7 +446,7 @@ def _holds(value: Any) -> bool:
         value = list(value.values())
     if isinstance(value, (list, tuple, set)):
         return any(map(_holds, value))
-    return isinstance(value, (DUFunc, GUFunc)) or _is_users(value)
+    return isinstance(value, (DUFunc, GUFunc)) or is_of_user(value)
 
 
 def _list_imports(function: FunctionType) -> Iterator[tuple[str, Any]]:
@@ -459,13 +461,3 @@ def _content(cell: Any) -> Any:
         return cell.cell_contents
     except ValueError:  # not yet assigned
         return None
-
-
-def _is_users(value: Any) -> bool:
-    """Return whether a value is a compiled function of the user's."""
-    return isinstance(value, Dispatcher) and value.py_func not in FUNCTIONS and not _is_ours(value.py_func.__code__)
-
-
-def _is_ours(code: CodeType) -> bool:
-    file = code.co_filename
-    return file.startswith(OURS) and not file.startswith(GALLERY)

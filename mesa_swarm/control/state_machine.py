@@ -227,7 +227,7 @@ class StateMachine(Arbiter):
         self._swarm, self._prefix = swarm, f"{first}.{place}state"
         swarm.remember(f"{self._prefix}.now", (), np.int64, 0)
         swarm.remember(f"{self._prefix}.fired", (), np.int64, -1)
-        self._rng = streams[f"decide.{place}state"]
+        self._rng = streams[f"decide.{place}#state"]  # no layer has such a name
 
     def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> Kernel:
         """Return what changes the states, and then decides on these columns."""

@@ -6,6 +6,9 @@ numbers; arrays keep NumPy's, and `math.tan` and others that are not in `kernels
 
 import math
 from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -13,12 +16,13 @@ from numba import njit, typeof
 from numba.core import ir, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.dispatcher import Dispatcher
 from numba.core.untyped_passes import InlineInlinables
 from numba.extending import overload
 
 from mesa_swarm.kernels import elementary
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.digests import digest_source
+from mesa_swarm.kernels.digests import FUNCTIONS, digest_source
 from mesa_swarm.kernels.elementary import direction_of, exp, hypot
 
 # Names in `math`, and in NumPy.
@@ -30,30 +34,11 @@ BINARY = {"atan2": "arctan2", "hypot": "hypot"}
 def exchange_unary(own: Callable, other: Callable) -> Callable:
     """Return what calls `own` of a number, and the `other` function of anything else, in compiled code."""
 
-    def function(x: Any) -> Any:
-        return own(float(x))
+    def function(x: Any, out: Any = None) -> Any:
+        return own(1.0 * x)
 
-    def call_other(x: Any) -> Any:
-        return other(x)
-
-    def choose(x: Any) -> Callable:
-        return function if is_number(x) else call_other
-
-    overload(function)(choose)
-    return function
-
-
-def exchange_binary(own: Callable, other: Callable) -> Callable:
-    """Return the same for functions of two numbers."""
-
-    def function(x: Any, y: Any) -> Any:
-        return own(float(x), float(y))
-
-    def call_other(x: Any, y: Any) -> Any:
-        return other(x, y)
-
-    def choose(x: Any, y: Any) -> Callable:
-        return function if is_number(x) and is_number(y) else call_other
+    def choose(x: Any, out: Any = None) -> Callable:
+        return function if is_number(x) and is_left_out(out) else call_other_unary(other, out)
 
     overload(function)(choose)
     return function
@@ -62,22 +47,59 @@ def exchange_binary(own: Callable, other: Callable) -> Callable:
 def exchange_of_complex(of_complex: Callable, of_number: Callable, other: Callable) -> Callable:
     """Return what calls one function of a complex number, one of a real number, and the `other` of anything else."""
 
-    def function(x: Any) -> Any:
+    def function(x: Any, out: Any = None) -> Any:
         return of_complex(x)
 
-    def call_with_number(x: Any) -> Any:
+    def call_with_number(x: Any, out: Any = None) -> Any:
         return of_number(x)
 
-    def call_other(x: Any) -> Any:
-        return other(x)
-
-    def choose(x: Any) -> Callable:
+    def choose(x: Any, out: Any = None) -> Callable:
+        if not is_left_out(out):
+            return call_other_unary(other, out)
         if isinstance(types.unliteral(x), types.Complex):
             return function
-        return call_with_number if is_number(x) else call_other
+        return call_with_number if is_number(x) else call_other_unary(other, out)
 
     overload(function)(choose)
     return function
+
+
+def call_other_unary(other: Callable, out: Any) -> Callable:
+    """Return what calls a function of one argument, and of an array to write to if there is one."""
+
+    def call_other(x: Any, out: Any = None) -> Any:
+        return other(x)
+
+    def write_other(x: Any, out: Any = None) -> Any:
+        return other(x, out)
+
+    return call_other if is_left_out(out) else write_other
+
+
+def exchange_binary(own: Callable, other: Callable) -> Callable:
+    """Return the same as `exchange_unary` for functions of two numbers."""
+
+    def function(x: Any, y: Any, out: Any = None) -> Any:
+        return own(1.0 * x, 1.0 * y)
+
+    def call_other(x: Any, y: Any, out: Any = None) -> Any:
+        return other(x, y)
+
+    def write_other(x: Any, y: Any, out: Any = None) -> Any:
+        return other(x, y, out)
+
+    def choose(x: Any, y: Any, out: Any = None) -> Callable:
+        if not is_left_out(out):
+            return write_other
+        return function if is_number(x) and is_number(y) else call_other
+
+    overload(function)(choose)
+    return function
+
+
+def is_left_out(kind: Any) -> bool:
+    """Return whether a type of Numba's is that of an argument that was not given."""
+    return kind is None or isinstance(kind, (types.Omitted, types.NoneType))
 
 
 @compiled
@@ -89,7 +111,7 @@ def magnitude_of(x: complex) -> float:
 @compiled
 def exp_of_real(x: float) -> float:
     """Return e to the power of a number of any type."""
-    return exp(float(x))
+    return exp(1.0 * x)
 
 
 @compiled
@@ -117,6 +139,10 @@ def _exchanged() -> Iterator[tuple[Callable, Callable]]:
 
 
 EXCHANGED = dict(_exchanged())
+OPTIONS = ("boundscheck", "error_model", "fastmath")
+# Code in these folders is not a user's.
+OURS = str(Path(__file__).parents[1])
+GALLERY = str(Path(__file__).parents[1] / "models")
 # Stored machine code of a user's functions depends on these.
 VERSION = digest_source(elementary.__file__), digest_source(__file__)
 
@@ -142,6 +168,28 @@ def function_instead(value: Any) -> Callable | None:
         return None
 
 
+def is_of_user(value: Any) -> bool:
+    """Return whether a value is a compiled function of a user's."""
+    return isinstance(value, Dispatcher) and value.py_func not in FUNCTIONS and not is_ours(value.py_func.__code__)
+
+
+def is_ours(code: CodeType) -> bool:
+    """Return whether code is the package's own, to which models of the gallery do not belong: they are as a user's."""
+    file = code.co_filename
+    return file.startswith(OURS) and not file.startswith(GALLERY)
+
+
+@cache
+def exchange_functions(function: Dispatcher) -> Dispatcher:
+    """Return a compiled function of the user's, compiled again with the functions of the package."""
+    return njit(pipeline_class=CustomCompiler, **user_options(function))(function.py_func)
+
+
+def user_options(function: Dispatcher) -> dict[str, Any]:
+    """Return what compiled functions keep of the user's options."""
+    return {name: function.targetoptions[name] for name in OPTIONS if name in function.targetoptions}
+
+
 @register_pass(mutates_CFG=False, analysis_only=False)
 class _Exchange(FunctionPass):
     """Exchanges functions."""
@@ -155,7 +203,8 @@ class _Exchange(FunctionPass):
         code, has_changed = state.func_ir, False
         for block in code.blocks.values():
             for assignment in block.find_insts(ir.Assign):
-                function = function_instead(constant_of(code, assignment))
+                value = constant_of(code, assignment)
+                function: Any = exchange_functions(value) if is_of_user(value) else function_instead(value)
                 if function is not None:
                     assignment.value, has_changed = ir.Global("exchanged", function, assignment.loc), True
         return has_changed

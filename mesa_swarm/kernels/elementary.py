@@ -27,7 +27,7 @@ from mesa_swarm.kernels.compiled import compiled
 
 # 2 / pi, and pi / 2 in three parts of 33 bits each, of which multiples below 2**20 are exact, with what remains.
 TURNS = 6.36619772367581382433e-01
-QUARTER_1, QUARTER_1_REST = 1.57079632673412561417e00, 6.07710050650619224932e-11
+QUARTER_1 = 1.57079632673412561417e00
 QUARTER_2, QUARTER_2_REST = 6.07710050630396597660e-11, 2.02226624879595063154e-21
 QUARTER_3, QUARTER_3_REST = 2.02226624871116645580e-21, 8.47842766036889956997e-32
 # Beyond this angle a reduction takes all bits of 2 / pi.
@@ -221,7 +221,7 @@ def atan(x):
     >>> atan(1.0)
     0.7853981633974483
     """
-    return math.copysign(angle_of_tangent(abs(x), 0.0)[0], x)
+    return math.copysign(angle_of_tangent(abs(1.0 * x), 0.0)[0], x)
 
 
 @compiled
@@ -263,7 +263,7 @@ def atan2(y, x):
     """
     if math.isnan(x) or math.isnan(y):
         return x + y
-    across, ahead = abs(y), abs(x)
+    across, ahead = abs(1.0 * y), abs(1.0 * x)
     if math.isinf(across) and math.isinf(ahead):
         across, ahead = 1.0, 1.0
     if across == 0.0:
@@ -301,7 +301,7 @@ def hypot(x, y):
     >>> hypot(3.0, 4.0)
     5.0
     """
-    a, b = abs(x), abs(y)
+    a, b = abs(1.0 * x), abs(1.0 * y)
     if a < b:
         a, b = b, a
     if SHORTEST < a < LONGEST:
@@ -534,9 +534,9 @@ def directions_of(angles: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     >>> directions_of([0.0, 0.5])[1].tolist()
     [0.0, 0.479425538604203]
     """
-    flat = np.array(angles, float)
-    x, y = np.empty_like(flat), np.empty_like(flat)
-    write_directions(flat.reshape(-1), x.reshape(-1), y.reshape(-1))
+    array = np.array(angles, float, order="C")
+    x, y = np.empty(array.shape), np.empty(array.shape)
+    write_directions(array.reshape(-1), x.reshape(-1), y.reshape(-1))
     return x, y
 
 
@@ -563,7 +563,8 @@ def vector_lengths(x: ArrayLike, y: ArrayLike) -> np.ndarray:
 
 
 def _apply(write: Any, first: ArrayLike, second: ArrayLike) -> np.ndarray:
-    a, b = (np.array(values) for values in np.broadcast_arrays(np.asarray(first, float), np.asarray(second, float)))
-    result = np.empty_like(a)
+    arrays = np.broadcast_arrays(np.asarray(first, float), np.asarray(second, float))
+    a, b = (np.array(values, order="C") for values in arrays)
+    result = np.empty(a.shape)
     write(a.reshape(-1), b.reshape(-1), result.reshape(-1))
     return result

@@ -136,6 +136,15 @@ class EventsPart(Part):
         self.buffer = EventBuffer.empty()
         self._reported: list[str] = []
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the buffer, which is large: its events are added to the log before."""
+        self.flush()
+        return {name: value for name, value in self.__dict__.items() if name != "buffer"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Begin with an empty buffer."""
+        self.__dict__.update(state, buffer=EventBuffer.empty())
+
     def code_of(self, name: str) -> int:
         """Return the code of events of a name in the buffer."""
         if name not in self._reported:

@@ -66,6 +66,7 @@ class ProcessRule(Process):
     ) -> None:
         self.function, self.numbers, self._every, self.events = function, MappingProxyType(dict(numbers)), every, events
         self._reports, self._prepared = np.empty((len(events), 0)), Prepared()
+        self._place = 1  # among those of its name, in the order in which they were added
         self.memory = {name: array.copy() for name, array in memory.items()}
         self.__name__, self.__doc__ = function.__name__, function.__doc__
 
@@ -93,14 +94,16 @@ class ProcessRule(Process):
         module, name = self.function.__module__, self.function.__qualname__
         replacing = getattr(sys.modules.get(module), name, None)
         source = (module, name) if isinstance(replacing, ProcessRule) else self.function
-        return rule_of_process, (source, dict(self.numbers), self.memory, self.every, self.events)
+        return rule_of_process, (source, dict(self.numbers), self.memory, self.every, self.events, self._place)
 
     def __deepcopy__(self, memo: dict) -> "ProcessRule":
-        return ProcessRule(self.function, self.numbers, self.memory, self.every, self.events)
+        return self.for_model()
 
     def for_model(self) -> "ProcessRule":
         """Return the process that a model has: one with a memory of its own."""
-        return ProcessRule(self.function, self.numbers, self.memory, self.every, self.events)
+        process = ProcessRule(self.function, self.numbers, self.memory, self.every, self.events)
+        process._place = self._place
+        return process
 
     def checkpoint(self) -> dict:
         """Return what it remembers, its numbers, and its source, which the fingerprint of a model includes."""
@@ -143,6 +146,14 @@ class ProcessRule(Process):
             )
         if not self.takes_model:
             self.arguments(model)
+        for name in self.events:
+            if name in self.columns_of(model):
+                raise InvalidValueError(f"events of process {self.__name__} has {name}, a column; give it another name")
+        namesakes = [other for other in model.parts.processes.numbered.values() if self._is_like(other)]
+        self._place = 1 + max((other._place for other in namesakes), default=0)
+
+    def _is_like(self, other: Any) -> bool:
+        return isinstance(other, ProcessRule) and other.__name__ == self.__name__
 
     def step(self, model: Any) -> None:
         """Take place."""
@@ -170,10 +181,7 @@ class ProcessRule(Process):
 
     def _stream(self, model: Any) -> np.random.Generator:
         """Return the stream of `chance`: of several processes of one name each has its own."""
-        processes = model.parts.processes.numbered.values()
-        namesakes = [process for process in processes if getattr(process, "__name__", "") == self.__name__]
-        place = next((k for k, process in enumerate(namesakes, 1) if process is self), 1)
-        return model.streams[f"process {self.__name__}" + (f" {place}" if place > 1 else "")]
+        return model.streams[f"process {self.__name__}" + (f"#{self._place}" if self._place > 1 else "")]
 
     def arguments(self, model: Any) -> dict[str, Any]:
         """Return arrays and numbers by the names that the function takes; `chance` is 0 until it is drawn."""
@@ -242,6 +250,7 @@ class ProcessRule(Process):
         if code == INFINITE:
             place, row = (int(index) for index in np.argwhere(np.isinf(self._reports))[0])
             value, self._reports[:] = self._reports[place, row], np.nan
+            model.parts.events.flush()
             raise BehaviourError(
                 f"process {self.__name__} failed in step {model.steps}: it reported {self.events[place]} of robot "
                 f"{model.swarm.agents[row].unique_id} as {value}; expected a finite number"
@@ -250,7 +259,10 @@ class ProcessRule(Process):
 
     def _fail(self, model: Any, code: int) -> None:
         """Raise the error of the function, which is called once more for it."""
-        self._call(model, partial(compile_custom(self.function), *self._present(model).values()))
+        try:
+            self._call(model, partial(compile_custom(self.function), *self._present(model).values()))
+        finally:
+            self._reports[:] = np.nan
         raise BehaviourError(f"process {self.__name__} failed in step {model.steps}: it raised an error")
 
     def _present(self, model: Any) -> dict[str, Any]:
@@ -260,10 +272,14 @@ class ProcessRule(Process):
         return arguments
 
 
-def rule_of_process(source: Any, numbers: dict, memory: dict, every: int, events: tuple[str, ...] = ()) -> ProcessRule:
+def rule_of_process(
+    source: Any, numbers: dict, memory: dict, every: int, events: tuple[str, ...] = (), place: int = 1
+) -> ProcessRule:
     """Return a process of a function, or of that of another process, by its module and its name."""
     function = getattr(import_module(source[0]), source[1]).function if isinstance(source, tuple) else source
-    return ProcessRule(function, numbers, memory, every, events)
+    process = ProcessRule(function, numbers, memory, every, events)
+    process._place = place
+    return process
 
 
 def _identity(value: Any) -> Any:
@@ -367,7 +383,7 @@ def check_event_names(function: FunctionType, events: Any, others: set[str]) -> 
     if names and MODEL in parameters:
         raise InvalidValueError(f"process {function.__name__} takes the model and got events; call model.event instead")
     for name in names:
-        if name not in parameters or name in others or names.count(name) > 1:
+        if not isinstance(name, str) or name not in parameters or name in others or names.count(name) > 1:
             raise InvalidValueError(
                 f"events of process {function.__name__} has {shortened(name)}; expected parameters of the function "
                 "that are nothing else, each once"

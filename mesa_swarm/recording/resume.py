@@ -16,7 +16,7 @@ from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import FORMS, is_address, model_address, shipped_class
 from mesa_swarm.recording.continuing import take_over
 from mesa_swarm.recording.made_objects import find_loaded_class
-from mesa_swarm.recording.provenance import rebuild_model
+from mesa_swarm.recording.provenance import is_of_other_bits, rebuild_model
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.verify import (
     Rerun,
@@ -66,8 +66,8 @@ def resume(
     ------
     RecordingError
         If running again does not match the recording, as with other code, or would be needed of a recording of a
-        version whose steps have other bits, or after a manual change without a stored
-        state; the nearest steps that work are named.
+        version whose steps have other bits, or after a manual change without a stored state; the nearest steps that
+        work are named.
     InvalidValueError, UnknownNameError
         If there is no such step or parameter, or a change makes another world.
 
@@ -115,7 +115,13 @@ def state_at(recording: Recording, model_class: type, step: int, watch: Watch = 
 
     An error names the nearest steps that work.
     """
-    rerun = _nearest(recording, model_class, step, watch)
+    try:
+        rerun = _nearest(recording, model_class, step, watch)
+    except RecordingError as error:
+        if not is_of_other_bits(recording.provenance):
+            raise
+        stored = ", ".join(map(str, recording.checkpoints)) or "none"
+        raise RecordingError(f"{recording.path}: {error}; steps with stored states: {stored}") from None
     begin = rerun.model.completed
     try:
         run_to(rerun, step)

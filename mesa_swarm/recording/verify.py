@@ -181,7 +181,7 @@ def start_again(recording: Recording, model_class: type, watch: Watch = lambda _
         if _is_at_start(recording, model):
             return Rerun(recording, model, 0, watch, states)
     if not repeats:
-        raise RecordingError(f"{recording.path}: {describe_bits(recording.provenance)}")
+        raise RecordingError(describe_bits(recording.provenance))
     if not is_near:
         raise RecordingError(
             f"{recording.path} begins at step {start['step']} without a stored state; expected at most "
@@ -242,13 +242,17 @@ def states_to(recording: Recording, checkpoint: int, earlier: Sequence[Checkpoin
 
 def restore_last(recording: Recording, model_class: type, states: list[Checkpoint]) -> EngineModel:
     """Return a new model with the last of these states."""
-    facts = recording.provenance
+    facts, fresh = recording.provenance, rebuild_model(recording.provenance, model_class)
+    made = {*fresh.parts.processes.numbered}, {*fresh.parts}
     try:
-        return restore(rebuild_model(facts, model_class), states[-1], states[:-1], written_in=facts["format"])
+        model = restore(fresh, states[-1], states[:-1], written_in=facts["format"])
+        if is_of_other_bits(facts) and (made[0] - {*model.parts.processes.numbered} or made[1] - {*model.parts}):
+            raise RecordingError(f"{model_class.__name__} has processes and parts that it did not have then")
     except RecordingError as error:
         if not is_of_other_bits(facts):
             raise
         raise RecordingError(f"{error}; {describe_bits(facts)}") from None
+    return model
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

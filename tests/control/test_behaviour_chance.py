@@ -3,14 +3,16 @@
 import random
 from dataclasses import replace
 from random import Random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numba import njit
 from numpy.random import default_rng
 
 from mesa_swarm import AGENT9
 from mesa_swarm.base.errors import BehaviourError, UncompiledBehaviourWarning
-from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
+from mesa_swarm.control import PASS, Chance, Explore, Halt, StateMachine, Subsumption, Transition, behaviour
 from mesa_swarm.kernels.draws import draw_at
 from support.rules import facing_a_disc, timid, wander
 from support.scenes import empty
@@ -86,7 +88,7 @@ def test_two_layers_of_one_name_draw_from_streams_of_their_own():
     model.step()
     second = model.swarm.layer == 1
     assert 0.15 < second.mean() < 0.35  # the same draws would leave none to it
-    assert {"decide.pass_half", "decide.pass_half 2"} <= set(model.streams.state())
+    assert {"decide.pass_half", "decide.pass_half#2"} <= set(model.streams.state())
 
 
 def test_in_plain_python_each_read_is_the_number_of_compiled_rules():
@@ -205,3 +207,60 @@ def test_random_numbers_of_a_helper_are_refused_too():
     for rule in (enclosing, lambda me: (own_chance(), 1.0)):
         with pytest.raises(BehaviourError, match="which the model's seed does not govern"):
             model.control = Subsumption(behaviour(rule))
+
+
+@njit
+def hop(me):
+    return me.chance
+
+
+TOOLS = SimpleNamespace(hop=hop)
+
+
+@behaviour
+def by_function(me):
+    """Draw in a function that is called by its name."""
+    return hop(me), 0.5
+
+
+@behaviour
+def by_name(me):
+    """Draw by the name of the field."""
+    return getattr(me, "chance"), 0.5  # noqa: B009
+
+
+@pytest.mark.parametrize("rule", [by_function, by_name])
+def test_a_rule_that_passes_me_on_draws_what_is_read_there(rule):
+    drawn = wander_of(rule)[..., 0]
+    assert len(np.unique(drawn)) == drawn.size
+    stream = empty(rng=1).streams[f"decide.{rule.name}"]
+    for step in drawn:
+        key = stream.integers(2**64, dtype=np.uint64)
+        assert step.tolist() == [draw_at(key, robot, 0) for robot in (0, 1, 2)]
+
+
+def test_in_plain_python_a_rule_that_passes_me_on_draws_too():
+    @behaviour
+    def by_object(me):
+        """Draw in a function that is found in an object."""
+        return TOOLS.hop.py_func(me), 0.5
+
+    with pytest.warns(UncompiledBehaviourWarning):
+        drawn = wander_of(by_object)[..., 0]
+    assert len(np.unique(drawn)) == drawn.size
+
+
+def test_a_rule_named_state_does_not_draw_from_the_stream_of_its_machine():
+    @behaviour
+    def state(me):
+        """Drive at random."""
+        return me.chance, me.chance
+
+    machine = StateMachine(
+        {"go": state, "stay": Halt()}, [Transition(source="go", target="stay", condition=Chance(probability=0.01))]
+    )
+    model = empty(rng=1)
+    model.add_robots(AGENT9, 3)
+    model.control = machine
+    model.run(5)
+    assert {"decide.state", "decide.#state"} <= set(model.streams.state())

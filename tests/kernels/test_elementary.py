@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numba import njit
 
 from mesa_swarm.kernels import elementary as own
 from mesa_swarm.kernels.custom_functions import compile_custom
@@ -190,3 +191,41 @@ def test_a_compiled_function_of_a_user_keeps_functions_of_arrays_and_of_whole_nu
     np.testing.assert_allclose(sines, np.sin(values), rtol=1e-15)
     np.testing.assert_allclose(lengths, np.hypot(values, values), rtol=1e-15)
     assert (sine_of_2, whole, magnitudes.tolist()) == (own.sin(2.0), 3, [0.5, 1.5])
+
+
+def test_functions_of_arrays_of_any_layout_have_the_bits_of_those_of_numbers():
+    x = np.arange(6.0).reshape(2, 3)
+    assert own.vector_lengths(x.T, 0 * x.T).tolist() == x.T.tolist()
+    assert own.angles_of(np.arange(3.0), np.arange(1.0, 3.0)[:, None]).shape == (2, 3)
+    assert own.directions_of(x.T)[1].tolist() == [[own.sin(value) for value in row] for row in x.T.tolist()]
+    assert own.directions_of(0.5)[0].shape == ()
+
+
+def test_whole_and_short_numbers_are_taken_as_real_ones():
+    assert own.hypot(3 * 10**9, 4 * 10**9) == 5e9
+    assert own.hypot(2**40, 2**40) == own.hypot(2.0**40, 2.0**40)
+    short = np.float32(0.1), np.float32(0.2)
+    assert own.hypot(*short) == own.hypot(*map(float, short))
+    assert own.atan2(*short) == own.atan2(*map(float, short))
+    assert own.atan(short[0]) == own.atan(float(short[0]))
+    assert own.exp(2) == own.exp(2.0)
+
+
+def test_compiled_functions_of_a_user_take_truths_and_arrays_to_write_to_as_before():
+    def sines(truth, values, out):
+        np.sin(values, out)
+        return math.exp(truth), np.sin(truth), math.atan2(truth, 2)
+
+    out = np.zeros(2)
+    assert compile_custom(sines)(True, np.array([0.5, 1.0]), out) == (own.exp(1.0), own.sin(1.0), own.atan2(1.0, 2.0))
+    np.testing.assert_allclose(out, np.sin([0.5, 1.0]))
+
+
+def test_compiled_helpers_of_a_user_get_them_too():
+    @njit
+    def helper(x):
+        return math.sin(x)
+
+    compiled = compile_custom(lambda x: helper(x) + 0.0)
+    for x in np.random.default_rng(4).uniform(-9.0, 9.0, 200).tolist():
+        assert compiled(x) == own.sin(x)

@@ -2,6 +2,7 @@
 
 import copy
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -143,17 +144,17 @@ class Reporting(SwarmModel):
 
 @pytest.mark.parametrize("steps", [1, 30])
 def test_an_infinite_value_is_refused_with_robot_and_step_and_leaves_nothing_behind(steps):
-    @process(events=("hot",), memory={"from_step": 20})
-    def overheat(position, hot, step, from_step):
+    @process(events=("burnt",), memory={"from_step": 20})
+    def overheat(position, burnt, step, from_step):
         """Report an infinite number."""
         for i in range(position.shape[0]):
             if step > from_step[0] or from_step[0] == 0:
-                hot[i] = math.inf
+                burnt[i] = math.inf
 
     model = plaza(overheat, n=3)
     if steps == 1:
         model.processes[0].memory["from_step"][:] = 0
-    with pytest.raises(BehaviourError, match=r"overheat failed in step \d+: it reported hot of robot \d+ as inf"):
+    with pytest.raises(BehaviourError, match=r"overheat failed in step \d+: it reported burnt of robot \d+ as inf"):
         model.run(steps)
     assert len(model.events) == 0
 
@@ -165,6 +166,7 @@ WRONG = [
     {"events": ("passed", "passed")},
     {"events": 3},
     {"events": (3,)},
+    {"events": ([],)},
     {"events": ("passed",), "memory": {"passed": 0}},
 ]
 
@@ -182,3 +184,46 @@ def test_wrong_names_of_events_are_refused_in_one_line(wrong):
 def test_a_process_of_the_model_calls_event_instead():
     with pytest.raises(InvalidValueError, match=r"call model\.event instead"):
         process(events=("passed",))(lambda model: None)
+
+
+def test_an_event_with_the_name_of_a_column_is_refused_when_the_process_is_added():
+    @process(events=("heading",))
+    def turn(heading):
+        """Report headings."""
+
+    with pytest.raises(InvalidValueError, match="has heading, a column; give it another name"):
+        plaza(turn)
+
+
+def test_events_of_a_step_that_failed_are_not_reported_later():
+    @process(events=("alive",), memory={"steps": 0})
+    def fail_once(alive, steps):
+        """Raise an error in the third step."""
+        steps[0] += 1
+        if steps[0] == 3:
+            alive[0] = 7.0
+            raise ValueError("boom")
+
+    model = plaza(fail_once, n=2)
+    with pytest.raises(BehaviourError):
+        model.run(10)
+    model.run(5)
+    assert len(model.events) == 0
+
+
+def test_a_process_that_is_removed_leaves_its_namesake_its_own_stream():
+    @process(memory={"drawn": 0.0})
+    def draw(chance, drawn):
+        """Draw a number."""
+        drawn[0] = chance
+
+    both, other = plaza(draw, draw, n=1), plaza(draw, draw, n=1)
+    other.remove_process(other.run(3).processes[0])
+    assert other.run(1).processes[0].drawn == both.run(4).processes[1].drawn
+
+
+def test_a_copy_by_pickle_is_small_and_has_the_events():
+    model = plaza(note_passages).run(300)
+    content = pickle.dumps(model)
+    assert len(content) < 150_000
+    assert pickle.loads(content).events.rows() == model.events.rows()

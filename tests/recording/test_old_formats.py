@@ -20,9 +20,8 @@ from mesa_swarm.recording.recorder import RowBuffer
 from mesa_swarm.recording.sealed_stream import CHANGE
 from mesa_swarm.viewing.scene import scene_of_recording
 
-# Written by version 0.2.0: a run that was changed by hand after step 70, and one with a gripper and custom bodies; with
-# stored states from which they go on.
-WRITTEN = {"fire_fighting": (FireFighting, 120, (0, 60, 70)), "foraging": (Foraging, 160, (80, 160))}
+# Written by version 0.2.0: a run that was changed by hand after step 70, and one with a gripper and custom bodies.
+WRITTEN = {"fire_fighting": (FireFighting, 120), "foraging": (Foraging, 160)}
 FILES = Path(__file__).parent / "files"
 OTHER_BITS = (
     "it was recorded by mesa-swarm 0.2.0, whose steps have other bits (1) than those of this version (2); to run it "
@@ -32,7 +31,7 @@ OTHER_BITS = (
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_a_file_of_version_0_2_0_is_read_and_drawn_but_not_verified_since_its_steps_have_other_bits(name):
-    model_class, last, _ = WRITTEN[name]
+    model_class, last = WRITTEN[name]
     path = FILES / f"{name}_0.2.0.arrow"
     recording = Recording(path)
     assert (recording.provenance["format"], len(recording), recording[-1].step) == (2, last, last)
@@ -43,21 +42,26 @@ def test_a_file_of_version_0_2_0_is_read_and_drawn_but_not_verified_since_its_st
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", WRITTEN)
-def test_a_file_of_version_0_2_0_is_resumed_from_its_stored_states_and_at_no_step_between(name):
-    model_class, _, stored = WRITTEN[name]
-    path = FILES / f"{name}_0.2.0.arrow"
-    for step in stored:
-        model = model_class.resume(path, step=step)
-        frame = {frame.step: frame for frame in Recording(path)}.get(step)
-        if frame is not None and step != 70:  # after which it was changed
-            np.testing.assert_array_equal(model.swarm.position.astype(np.float32), frame["position"].astype(np.float32))
+def test_a_file_of_version_0_2_0_is_resumed_from_its_stored_states_and_at_no_step_between():
+    path = FILES / "fire_fighting_0.2.0.arrow"
+    frames = {frame.step: frame for frame in Recording(path)}
+    for step in (0, 60, 70):
+        model = FireFighting.resume(path, step=step)
+        if step == 60:
+            np.testing.assert_array_equal(model.swarm.position.astype(np.float32), frames[60]["position"])
         assert model.run(5).completed == step + 5
-    between = stored[-1] - 5
     with pytest.raises(RecordingError) as refused:
-        model_class.resume(path, step=between)
+        FireFighting.resume(path, step=65)
     assert OTHER_BITS in str(refused.value)
-    assert str(refused.value).endswith(f"; the nearest steps to resume from are {stored[-2]} and {stored[-1]}")
+    assert str(refused.value).endswith("; the nearest steps to resume from are 60 and 70")
+
+
+@pytest.mark.parametrize("step", [80, 100])
+def test_a_state_of_a_model_that_has_processes_now_which_it_had_not_is_refused(step):
+    with pytest.raises(RecordingError) as refused:
+        Foraging.resume(FILES / "foraging_0.2.0.arrow", step=step)
+    assert f"Foraging has processes and parts that it did not have then; {OTHER_BITS}" in str(refused.value)
+    assert str(refused.value).endswith("steps with stored states: 0, 80, 160")
 
 
 def attach_the_population_only(buffer, model):
