@@ -6,7 +6,7 @@ import sys
 import warnings
 import weakref
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from mimetypes import MimeTypes
 from pathlib import Path
@@ -14,15 +14,19 @@ from time import perf_counter
 from types import TracebackType
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
 from mesa_swarm.base.files import show_path
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.fires_part import BURNING
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.rows import BEFORE, EVERY, FIRST, LAST, LATER, ROWS
 from mesa_swarm.model.bodies_part import POSES
+from mesa_swarm.model.driving import Due, DueAfterwards, senses_first
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.model.observers import Observer
+from mesa_swarm.model.observers import Companion
 from mesa_swarm.recording.changes import (
     MOST_POSES,
     ChangeDetector,
@@ -35,7 +39,7 @@ from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected_data import Path as SeriesPath
 from mesa_swarm.recording.collected_data import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
-from mesa_swarm.recording.layout import Chunk, Layout, default_columns
+from mesa_swarm.recording.layout import Chunk, Layout, default_columns, what_is_python
 from mesa_swarm.recording.made_objects import check_agent_class
 from mesa_swarm.recording.objects import check_addable, summary
 from mesa_swarm.recording.provenance import (
@@ -77,13 +81,14 @@ class RowBuffer:
     """The rows of a chunk, before they are written to a file.
 
     The pending rows follow from two counts, rows added and rows sealed, so that Ctrl-C between any two instructions
-    neither loses a row nor writes one twice.
+    neither loses a row nor writes one twice. A kernel adds rows as well: see `prepare`.
     """
 
     def __init__(self, layout: Layout, writer: SealedWriter, model: EngineModel, every: int = 1) -> None:
         self.writer = writer
-        self._gap, self._newest = longest_gap(every), model.completed
-        self.rows = 0
+        self._gap, self.newest, self._every = longest_gap(every), model.completed, every
+        self._counts, self._known = np.zeros(LATER + 1, np.int64), 0  # those of `kernels.rows`; rows that Python knows
+        self._counts[EVERY], self._counts[LATER] = every, layout.has_readings
         self._layout = layout
         self._signs, self._scenery = _signs_of_scenery(model), scenery_of(model)
         self._chunk: Chunk | None = None
@@ -92,8 +97,14 @@ class RowBuffer:
         self._event_count = len(model.events)
         self._written_at = self._synced_at = perf_counter()
 
+    @property
+    def rows(self) -> int:
+        """How many rows were added."""
+        return int(self._counts[ROWS])
+
     def put(self, model: EngineModel) -> None:
         """Add a row with the present state of the model."""
+        self.take_rows()
         chunk, step = self._chunk, model.completed
         self._check_gap(step)
         self._layout.prepare(model)
@@ -110,9 +121,57 @@ class RowBuffer:
             state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
         row = self.rows - self.writer.sealed.rows
         chunk.put(model, row, state_hash, self._event_count)
-        self.rows, self._newest, self._event_count = self.rows + 1, step, len(model.events)
+        self._known, self.newest, self._event_count = self._known + 1, step, len(model.events)
+        self._counts[ROWS] = self._known
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
+
+    def why_python(self, model: EngineModel) -> str:
+        """Return what makes Python due in each row, empty if a kernel can write rows."""
+        if self._layout.has_readings and not senses_first(model.parts.plan):
+            return "something else comes before robots read their sensors"
+        why = what_is_python(model, self._layout)
+        if self._chunk is None or why or not self._fits(model):
+            return why
+        self._chunk.kernel(model, self._counts)
+        return self._chunk.why_not
+
+    def _fits(self, model: EngineModel) -> bool:
+        """Return whether the next row belongs into the same chunk."""
+        chunk = self._chunk
+        return chunk is not None and _signs_of_scenery(model) == self._signs and chunk.has_fields_of(model)
+
+    def next_row(self, completed: int) -> int:
+        """Return the step of the first row after this number of steps."""
+        return completed + self._every - completed % self._every
+
+    def next_due(self, model: EngineModel) -> int:
+        """Return the step of the first row from the next one on that Python adds: with a state hash, or the last one."""
+        row, chunk = self.next_row(model.completed), self._chunk
+        if chunk is None or not self._fits(model):
+            return row
+        full = row + (chunk.capacity - 1 - self.rows + self.writer.sealed.rows) * self._every
+        hundred = (self._hashed + 1) * HASH_EVERY
+        hashed = row if row // HASH_EVERY != self._hashed else -(-hundred // self._every) * self._every
+        return min(full, hashed)
+
+    def prepare(self, completed: int, steps: int) -> None:
+        """Let the kernel add the rows of the next steps but the last one, in which rows are due."""
+        self._counts[BEFORE] = self.writer.sealed.rows
+        self._counts[FIRST], self._counts[LAST] = completed, completed + steps
+
+    def kernel(self, model: EngineModel) -> Kernel | None:
+        """Return what adds rows, None if Python does, or no row is due until Python is."""
+        return None if self._chunk is None else self._chunk.kernel(model, self._counts)
+
+    def take_rows(self) -> None:
+        """Complete the rows that the kernel has added."""
+        rows, sealed = self.rows, self.writer.sealed.rows
+        if self._chunk is not None and self._known < rows:
+            self._chunk.complete(self._known - sealed, rows - sealed)
+            self.newest = int(self._chunk.steps[rows - sealed - 1])
+            self._event_count = int(self._chunk.event_counts[rows - sealed])
+            self._known = rows
 
     def end_chunk(self) -> None:
         """Write the pending rows; those to come are of another model."""
@@ -138,6 +197,7 @@ class RowBuffer:
 
     def flush(self) -> None:
         """Write the pending rows as one chunk."""
+        self.take_rows()
         pending = self.rows - self.writer.sealed.rows
         if self._chunk is not None and pending:
             self._write_moves()
@@ -194,9 +254,9 @@ class RowBuffer:
         self.attach(CHANGE, content, model.completed)
 
     def _check_gap(self, step: int) -> None:
-        if step > self._newest + self._gap:
+        if step > self.newest + self._gap:
             raise RecordingError(
-                f"{show_path(self.writer.path)} cannot continue at step {step} after step {self._newest}; "
+                f"{show_path(self.writer.path)} cannot continue at step {step} after step {self.newest}; "
                 f"expected at most {self._gap:,} steps from row to row; start another recording"
             )
 
@@ -214,7 +274,28 @@ def _is_readable(batch: pa.RecordBatch) -> bool:
     return True
 
 
-class Recorder(Observer):
+class RowsDue(DueAfterwards):
+    """A recorder of which Python adds the row of a step, or stores the complete state after it.
+
+    Parameters
+    ----------
+    what : str
+    every : int
+        The most steps from one to the next.
+    step : int
+        The first of these steps.
+    """
+
+    def __init__(self, what: str, every: int, step: int) -> None:
+        super().__init__(what, every)
+        self.step = step
+
+    def first_after(self, completed: int) -> int:
+        """Return the step."""
+        return self.step
+
+
+class Recorder(Companion):
     """Writes the model to a file after its steps; made by `record`, and closed by `close`, at exit, or as a context.
 
     Parameters
@@ -259,6 +340,8 @@ class Recorder(Observer):
         self._detector = ChangeDetector(model)
         self._replacements: list[str] = []  # what a model that has taken the place of another differs in
         self._unwritten: EngineModel | None = None
+        self._driven: EngineModel | None = None  # one of which a compiled call takes steps
+        self.after_sensing = layout.has_readings
         self._first_step = model.completed  # the steps that were completed when the present one began
         self._observers = model.observers
         self._observers.append(self)
@@ -284,8 +367,11 @@ class Recorder(Observer):
 
     def before_step(self, model: EngineModel) -> None:
         """Store the state if it was changed by hand since the last step; called by the model before each step."""
-        if self.closed:
-            return
+        if not self.closed:
+            self._note_changes(model, model.steps - 1)
+
+    def _note_changes(self, model: EngineModel, steps: int) -> None:
+        """Store the state, after this number of steps that Mesa has counted, if it was changed by hand."""
         self._first_step = model.completed
         what, self._replacements = self._replacements or self._detector.changes(model), []
         moved_rows = self._detector.find_moved(model) if what == [POSES] else None
@@ -293,7 +379,7 @@ class Recorder(Observer):
             self._write_or_stop(self._buffer.note, move_of(model, moved_rows, len(self._checkpoints.steps)))
         elif what:
             model.parts.robots.forget_readings()  # as without a recorder: columns may have been written directly
-            self._write_or_stop(self._checkpoints.put_intervention, model, what, self._buffer)
+            self._write_or_stop(self._checkpoints.put_intervention, model, steps, what, self._buffer)
 
     def after_step(self, model: EngineModel, step: int) -> None:
         """Note that a row is due; called by the model before a derived class may do more in this step.
@@ -331,6 +417,35 @@ class Recorder(Observer):
             self._write_or_stop(self._checkpoints.put, model, self._buffer)
         self._detector = ChangeDetector(model)
 
+    def list_due(self, model: EngineModel) -> Iterator[Due]:
+        """Yield in which step Python is due next: to add a row, or to store the complete state."""
+        if self.closed:
+            return
+        buffer, completed = self._buffer, model.completed
+        why = buffer.why_python(model)
+        if why:
+            yield RowsDue(f"observer Recorder: {why}", self.every, buffer.next_row(completed))
+        else:
+            yield RowsDue("observer Recorder: state hashes", max(self.every, HASH_EVERY), buffer.next_due(model))
+        if self._checkpoints.every:
+            step = max(self._checkpoints.next_step, completed + 1)
+            yield RowsDue("observer Recorder: checkpoints", self._checkpoints.every, step)
+
+    def before_stretch(self, model: EngineModel, steps: int) -> None:
+        """Store the state if it was changed by hand, before a compiled call; its kernel adds rows to the buffer."""
+        if not self.closed:
+            self._driven = model
+            self._note_changes(model, model.steps)
+            self._buffer.prepare(model.completed, steps)
+
+    def kernel(self, model: EngineModel) -> Kernel | None:
+        """Return what adds rows."""
+        return None if self.closed or self._buffer.why_python(model) else self._buffer.kernel(model)
+
+    def after_stretch(self, model: EngineModel) -> None:
+        """Record what is due after a compiled call."""
+        self.between_steps(model)
+
     def after_run(self, model: EngineModel, steps: int) -> None:
         """Write the pending rows, so that they can be read, unless the run was short; called at the end of `run`."""
         if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
@@ -345,9 +460,18 @@ class Recorder(Observer):
         self._write_or_stop(self._buffer.end_chunk)
 
     def _put_row(self) -> None:
+        driven, self._driven = self._driven, None
+        if driven is not None and self._lacks_row(driven):
+            self._unwritten = driven
         model, self._unwritten = self._unwritten, None
         if model is not None:
             self._write_or_stop(self._buffer.put, model)
+
+    def _lacks_row(self, model: EngineModel) -> bool:
+        """Return whether the last row of a compiled call is due, which it leaves to Python."""
+        self._buffer.take_rows()
+        is_new = model.completed > max(self._first_step, self._buffer.newest)
+        return is_new and self._trigger.is_due(model.completed)
 
     def _write_or_stop(self, write: Callable, *arguments: object) -> None:
         """Write, and stop recording if that fails."""
@@ -415,7 +539,7 @@ class _Checkpoints:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
         self.next_step = 0 if every else sys.maxsize
-        self._every = every
+        self.every = every
         self.warned = False  # that states are not stored
         self._control = control_to_json(model.control)
         self._processes, self._kinds = {*model.parts.processes.numbered}, {*model.agents_by_type}
@@ -427,17 +551,17 @@ class _Checkpoints:
         """Store the present state of the model, unless it cannot be stored."""
         self.attach(model, self.fitting(self.content(model, model.steps), buffer), buffer)
 
-    def put_intervention(self, model: EngineModel, what: list[str], buffer: RowBuffer) -> None:
-        """Store what was changed before the step that Mesa has just counted, and the state after the change."""
-        content = self.fitting(self.content(model, model.steps - 1), buffer)
+    def put_intervention(self, model: EngineModel, steps: int, what: list[str], buffer: RowBuffer) -> None:
+        """Store what was changed after this number of steps that Mesa has counted, and the state after the change."""
+        content = self.fitting(self.content(model, steps), buffer)
         buffer.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
         self.attach(model, content, buffer)
 
     def content(self, model: EngineModel, steps: int) -> bytes:
         """Return the state as bytes; no bytes, and set `why_not`, if it cannot be stored in any file."""
-        if not self._every:
+        if not self.every:
             return b""
-        self.next_step = model.completed + self._every
+        self.next_step = model.completed + self.every
         try:
             self._check_control(model)
             self._check_classes(model)
@@ -467,7 +591,7 @@ class _Checkpoints:
             self._since = lengths_of(model)
             self._collected += self._more
             self.steps.append(model.completed)
-        elif self._every and not self.warned:
+        elif self.every and not self.warned:
             self.warned = True
             name, step = type(model).__name__, model.completed
             text = f"the state of {name} after step {step} cannot be stored in its recording: "
