@@ -54,8 +54,9 @@ ALWAYS_ALLOWED, MOST_PACKED = 1 << 25, 64
 SLACK = 1 << 16
 # The files that this process writes: a recorder that was left open, as in a notebook, yields to the next.
 OWN: set[tuple[int, int]] = set()
-# Level 1: higher ones cost a step more than they save on disk.
-ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))
+# Level 1: higher ones cost a step more than they save on disk. Without threads: to wait for these takes longer than to
+# compress the few hundred kB of a chunk.
+ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1), use_threads=False)
 PLAIN = pa.ipc.IpcWriteOptions()
 
 
