@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, Protocol, SupportsIndex, runtime_checkable
 
-from mesa_swarm.base.errors import InvalidValueError, check_count, read_attribute, shortened
+from mesa_swarm.base.errors import InvalidValueError, read_attribute, shortened
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.kernels.part import Kernel
 
 # Methods of a list that change it.
@@ -148,7 +149,7 @@ def interval_of(observer: object) -> int:
         If its `every` is not a whole number of at least 1.
     """
     every = None if isinstance(observer, Companion) else read_attribute(observer, "every")
-    return 1 if every is None else check_count(f"every of observer {type(observer).__name__}", every, minimum=1)
+    return 1 if every is None else Trigger.of(every, f"every of observer {type(observer).__name__}", minimum=1).every
 
 
 class Observers(list):

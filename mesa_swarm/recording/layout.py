@@ -349,9 +349,13 @@ class Chunk:
         self.steps[row] = model.completed
         self.hashes[row] = state_hash
 
-    def complete(self, first: int, end: int) -> None:
-        """Add to rows that a kernel has written what it does not write: events, and that they have no state hash."""
+    def complete(self, first: int, end: int, event_count: int) -> None:
+        """Add to rows that a kernel has written what it does not write: events, and that they have no state hash.
+
+        `event_count` events are in rows before these.
+        """
         self.hashes[first:end] = [None] * (end - first)
+        self.event_counts[first] = event_count
         happened = np.searchsorted(self._log.step, self.steps[first:end], side="right")
         self.event_counts[first + 1 : end + 1] = happened
 

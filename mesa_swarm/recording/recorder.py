@@ -168,7 +168,7 @@ class RowBuffer:
         """Complete the rows that the kernel has added."""
         rows, sealed = self.rows, self.writer.sealed.rows
         if self._chunk is not None and self._known < rows:
-            self._chunk.complete(self._known - sealed, rows - sealed)
+            self._chunk.complete(self._known - sealed, rows - sealed, self._event_count)
             self.newest = int(self._chunk.steps[rows - sealed - 1])
             self._event_count = int(self._chunk.event_counts[rows - sealed])
             self._known = rows
