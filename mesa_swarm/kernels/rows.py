@@ -20,9 +20,9 @@ from mesa_swarm.kernels.type_names import (
     SingleRows,
 )
 
-# Places in the counts of rows: how many were written, how many of these before the first of the buffer; the step after
-# which no row is written, nor after those before it; the one after which and from which on none is; how many steps there
-# are from row to row, and how many steps later than its step a row is written, 0 or 1.
+# Places in the counts of rows: how many were written, and how many of these before the first one of the buffer; two
+# steps between which rows are written; how many steps there are from row to row; and how many steps later than its step
+# a row is written, 0 or 1.
 ROWS, BEFORE, FIRST, LAST, EVERY, LATER = range(6)
 
 
@@ -181,7 +181,7 @@ def copy_of(source: np.ndarray, target: np.ndarray) -> Kernel | None:
 
 
 def pick_of(source: np.ndarray, rows: np.ndarray, target: np.ndarray, place: int = 0) -> Kernel:
-    """Return what copies rows of a table of float64 into rows of a buffer, (k, r) or (k, r, w), from a place of w on."""
+    """Return what copies rows of a table of float64 into those of a buffer, (k, r) or (k, r, w), from a place on."""
     table, width = source.reshape(len(source), -1), 1 if target.ndim == 2 else target.shape[2]
     function, block_class = PICKED[target.dtype]
     block = Block(block_class(table, rows.copy(), width, place, target.reshape(len(target), len(rows) * width)))

@@ -23,7 +23,7 @@ class Observer(Protocol):
     An object of another class serves as well, with any of these methods.
 
     An observer may have `every`, a whole number: the first three methods are called around the steps that it divides
-    only. A run hands the steps in between to a compiled call; of an observer of each step it takes every step by itself.
+    only, and `run` hands those in between to a compiled call. With an observer of each step it takes steps one by one.
 
     | method | called |
     | --- | --- |
@@ -99,13 +99,27 @@ HOOKS = tuple(name for name, value in vars(Observer).items() if not name.startsw
 class Companion(Observer):
     """An observer that compiled calls of many steps take along, such as a recorder.
 
-    It is called around each step that is taken by itself, whatever `every` it has, and around each compiled call.
+    It is called around each step that is taken by itself, whatever `every` it has, and around each compiled call. Of a
+    step that fails within such a call it is notified by `after_failure`.
 
     Attributes
     ----------
     after_sensing : bool
         Whether its kernel runs in the next step, as soon as robots have read their sensors, rather than at the end of
         a step.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> class Lengths(Companion):
+    ...     def before_stretch(self, model, steps):
+    ...         print(steps, "steps from step", model.completed)
+    >>> model = SwarmModel(rng=1)
+    >>> model.observers.append(Lengths())
+    >>> model.run(1500).steps
+    1000 steps from step 0
+    500 steps from step 1000
+    1500
     """
 
     after_sensing: bool = False

@@ -371,7 +371,7 @@ class Chunk:
             absent = [name for name, copy in copies.items() if copy is None]
             self.why_not = f"{absent[0]} is copied in Python" if absent else ""
             if not absent:
-                prepared.kernel = rows_of(list(copies.values()), counts, self.steps)
+                prepared.kernel = rows_of([copy for copy in copies.values() if copy], counts, self.steps)
         return prepared.kernel
 
     def _arrays_of_parts(self, model: EngineModel) -> dict[str, np.ndarray]:

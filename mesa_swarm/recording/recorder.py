@@ -92,6 +92,7 @@ class RowBuffer:
         self._layout = layout
         self._signs, self._scenery = _signs_of_scenery(model), scenery_of(model)
         self._chunk: Chunk | None = None
+        self.kernel: Kernel | None = None  # what adds rows to it, see `find_due`
         self._hashed = -1
         self._moves: list[HandMove] = []
         self._event_count = len(model.events)
@@ -126,43 +127,37 @@ class RowBuffer:
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
 
-    def why_python(self, model: EngineModel) -> str:
-        """Return what makes Python due in each row, empty if a kernel can write rows."""
-        if self._layout.has_readings and not senses_first(model.parts.plan):
-            return "something else comes before robots read their sensors"
-        why = what_is_python(model, self._layout)
-        if self._chunk is None or why or not self._fits(model):
-            return why
-        self._chunk.kernel(model, self._counts)
-        return self._chunk.why_not
+    def find_due(self, model: EngineModel) -> tuple[str, int]:
+        """Return why Python adds each row, empty if `kernel` can add some, and the step of the first that Python adds.
 
-    def _fits(self, model: EngineModel) -> bool:
-        """Return whether the next row belongs into the same chunk."""
+        That is one with a state hash, the last one of a chunk, or the first of another.
+        """
+        row = model.completed + self._every - model.completed % self._every
+        senses_late = self._layout.has_readings and not senses_first(model.parts.plan)
+        why = "a stage before sensing" if senses_late else what_is_python(model, self._layout)
+        chunk, self.kernel = None if why else self._chunk_of(model, row), None
+        if chunk is not None:
+            self.kernel, why = chunk.kernel(model, self._counts), chunk.why_not
+        return why, row if chunk is None or why else self._next_due(row, chunk.capacity)
+
+    def _chunk_of(self, model: EngineModel, row: int) -> Chunk | None:
+        """Return the chunk to which the row of a step belongs, None if it begins another one."""
         chunk = self._chunk
-        return chunk is not None and _signs_of_scenery(model) == self._signs and chunk.has_fields_of(model)
+        if chunk is None or row > self.newest + self._gap or _signs_of_scenery(model) != self._signs:
+            return None
+        return chunk if chunk.has_fields_of(model) else None
 
-    def next_row(self, completed: int) -> int:
-        """Return the step of the first row after this number of steps."""
-        return completed + self._every - completed % self._every
-
-    def next_due(self, model: EngineModel) -> int:
-        """Return the step of the first row from the next one on that Python adds: with a state hash, or the last one."""
-        row, chunk = self.next_row(model.completed), self._chunk
-        if chunk is None or not self._fits(model):
+    def _next_due(self, row: int, capacity: int) -> int:
+        """Return the step of the first row, this one or later, that has a state hash or is the last of the chunk."""
+        last = row + (capacity - 1 - self.rows + self.writer.sealed.rows) * self._every
+        if row // HASH_EVERY != self._hashed:
             return row
-        full = row + (chunk.capacity - 1 - self.rows + self.writer.sealed.rows) * self._every
-        hundred = (self._hashed + 1) * HASH_EVERY
-        hashed = row if row // HASH_EVERY != self._hashed else -(-hundred // self._every) * self._every
-        return min(full, hashed)
+        return min(last, -(-(self._hashed + 1) * HASH_EVERY // self._every) * self._every)
 
     def prepare(self, completed: int, steps: int) -> None:
-        """Let the kernel add the rows of the next steps but the last one, in which rows are due."""
+        """Let the kernel add the rows that are due in the next steps, but for that of the last one."""
         self._counts[BEFORE] = self.writer.sealed.rows
         self._counts[FIRST], self._counts[LAST] = completed, completed + steps
-
-    def kernel(self, model: EngineModel) -> Kernel | None:
-        """Return what adds rows, None if Python does, or no row is due until Python is."""
-        return None if self._chunk is None else self._chunk.kernel(model, self._counts)
 
     def take_rows(self) -> None:
         """Complete the rows that the kernel has added."""
@@ -421,14 +416,13 @@ class Recorder(Companion):
         """Yield in which step Python is due next: to add a row, or to store the complete state."""
         if self.closed:
             return
-        buffer, completed = self._buffer, model.completed
-        why = buffer.why_python(model)
+        why, row = self._buffer.find_due(model)
         if why:
-            yield RowsDue(f"observer Recorder: {why}", self.every, buffer.next_row(completed))
+            yield RowsDue(f"observer Recorder: {why}", self.every, row)
         else:
-            yield RowsDue("observer Recorder: state hashes", max(self.every, HASH_EVERY), buffer.next_due(model))
+            yield RowsDue("observer Recorder: state hashes", max(self.every, HASH_EVERY), row)
         if self._checkpoints.every:
-            step = max(self._checkpoints.next_step, completed + 1)
+            step = max(self._checkpoints.next_step, model.completed + 1)
             yield RowsDue("observer Recorder: checkpoints", self._checkpoints.every, step)
 
     def before_stretch(self, model: EngineModel, steps: int) -> None:
@@ -440,7 +434,7 @@ class Recorder(Companion):
 
     def kernel(self, model: EngineModel) -> Kernel | None:
         """Return what adds rows."""
-        return None if self.closed or self._buffer.why_python(model) else self._buffer.kernel(model)
+        return None if self.closed else self._buffer.kernel
 
     def after_stretch(self, model: EngineModel) -> None:
         """Record what is due after a compiled call."""

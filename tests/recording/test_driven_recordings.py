@@ -27,7 +27,12 @@ from support.recorded_twice import (
 from support.recorded_worlds import WORLDS, a_lamp, fires, plain, robots_that_smell, tick, world
 
 SETTINGS = [{}, {"every": 3}, {"every": 7, "exact": True}, {"checkpoint_every": 40}]
-COLUMNS = ["position"], ["command", "fires", "loads", "contacts"], ["distance", "events"], ["layer", "number", "collided"]
+COLUMNS = (
+    ["position"],
+    ["command", "fires", "loads", "contacts"],
+    ["distance", "events"],
+    ["layer", "number", "collided"],
+)
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
@@ -42,9 +47,7 @@ def test_every_model_of_the_gallery_is_recorded_as_in_its_single_steps(name, set
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
 @pytest.mark.parametrize("name", WORLDS)
 def test_whatever_is_in_a_world_it_is_recorded_as_in_its_single_steps(name, settings, tmp_path):
-    driven, single, steps = recorded_both_ways(
-        WORLDS[name], tmp_path, lambda model, take: take(model, 130), **settings
-    )
+    driven, single, steps = recorded_both_ways(WORLDS[name], tmp_path, lambda model, take: take(model, 130), **settings)
     assert_same_recordings(driven, single)
     if name != "robots that smell" or settings.get("every", 1) > 3:
         assert steps > 60
@@ -71,7 +74,10 @@ def test_chunks_of_any_length_are_those_of_single_steps(rows, tmp_path, monkeypa
 def test_two_recorders_of_one_model_store_what_each_would_alone(tmp_path):
     model = fires()
     with without_clock(), steps_driven() as numbers:
-        with model.record(tmp_path / "one.arrow"), model.record(tmp_path / "other.arrow", every=7, columns=["position"]):
+        with (
+            model.record(tmp_path / "one.arrow"),
+            model.record(tmp_path / "other.arrow", every=7, columns=["position"]),
+        ):
             model.run(150)
         assert sum(numbers) > 100
         for name, settings in {"one": {}, "other": {"every": 7, "columns": ["position"]}}.items():
@@ -366,9 +372,7 @@ def test_a_lamp_alone_is_taken_along(tmp_path):
 
 
 def test_a_model_with_a_step_of_its_own_is_recorded_as_ever(tmp_path):
-    driven, single, steps = recorded_both_ways(
-        lambda: Counting(rng=1), tmp_path, lambda model, take: take(model, 30)
-    )
+    driven, single, steps = recorded_both_ways(lambda: Counting(rng=1), tmp_path, lambda model, take: take(model, 30))
     assert_same_recordings(driven, single)
     assert not steps
 

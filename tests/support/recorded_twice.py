@@ -61,7 +61,9 @@ def contents_of(path):
     batches = [reader.batch(piece) for piece in reader.pieces]
     attached = [(reader.name(piece), piece.step, reader.content(piece)) for piece in reader.attached]
     table = pa.Table.from_batches(batches, reader.schema.remove_metadata()).combine_chunks()
-    return [name_and_bytes(column, name) for name, column in zip(table.column_names, table.columns, strict=True)], attached
+    return [
+        name_and_bytes(column, name) for name, column in zip(table.column_names, table.columns, strict=True)
+    ], attached
 
 
 def name_and_bytes(column, name):
