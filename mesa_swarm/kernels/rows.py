@@ -1,6 +1,6 @@
 """Kernels of rows: what columns are after each of many steps, copied into the rows of buffers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +20,11 @@ from mesa_swarm.kernels.type_names import (
     SingleRows,
 )
 
-# Places in the counts of rows: how many were written, and how many of these before the first one of the buffer; two
-# steps between which rows are written; how many steps there are from row to row; and how many steps later than its step
-# a row is written, 0 or 1.
-ROWS, BEFORE, FIRST, LAST, EVERY, LATER = range(6)
+# Places in the counts of rows: how many were written, and how many of these before the first one of the buffer; every
+# how many steps there is one; a step after which the next row is, and the step of the next row that Python writes.
+ROWS, BEFORE, EVERY, AFTER, ASKED = range(5)
+# The code that a kernel returns where Python is to write the row.
+ASK = 1
 
 
 class ByteCopy(NamedTuple):
@@ -129,17 +130,18 @@ class CopiedRows(NamedTuple):
 
 @compiled(nogil=True)
 def copy_row(block, step, first, last):
-    """Write the row of this step, or of the one before if rows are written later, if one is due."""
+    """Write the row of the step before this one, if it is due and not written yet."""
     r = unpack(block, CopiedRows)
-    copies, counts, steps = r.copies, r.counts, r.steps
-    of_step = step - counts[LATER]
-    if not counts[FIRST] < of_step < counts[LAST] or of_step % counts[EVERY] != 0:
+    copies, counts, steps, of_step = r.copies, r.counts, r.steps, step - 1
+    if of_step <= counts[AFTER] or of_step % counts[EVERY] != 0:
         return 0
+    if of_step >= counts[ASKED]:
+        return ASK
     row = counts[ROWS] - counts[BEFORE]
     for k in range(copies.shape[0]):
         call = unpack(copies[k], KernelCall)
         call_at(call.address, call.block, step, row, row + 1)
-    steps[row] = of_step
+    steps[row] = counts[AFTER] = of_step
     counts[ROWS] += 1
     return 0
 
@@ -188,8 +190,11 @@ def pick_of(source: np.ndarray, rows: np.ndarray, target: np.ndarray, place: int
     return Kernel(function, block.numbers, (block, source, target))
 
 
-def rows_of(copies: Sequence[Kernel], counts: np.ndarray, steps: np.ndarray) -> Kernel:
-    """Return what writes rows by these kernels; `counts` are as the places above name them."""
+def rows_of(copies: Sequence[Kernel], counts: np.ndarray, steps: np.ndarray, write: Callable[[], object]) -> Kernel:
+    """Return what writes rows by these kernels, when robots have read their sensors in the step after that of the row.
+
+    `counts` are as the places above name them; `write` writes a row in Python.
+    """
     calls = [Block(KernelCall(code_address(copy.function), copy.block)).numbers for copy in copies]
     block = Block(CopiedRows(np.array(calls, np.int64).reshape(len(calls), 3), counts, steps))
-    return Kernel(copy_row, block.numbers, (block, copies))
+    return Kernel(copy_row, block.numbers, (block, copies), lambda code: write())

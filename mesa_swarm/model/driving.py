@@ -102,6 +102,7 @@ class Stretch(NamedTuple):
     completed: int
     begun: int
     rows: int
+    companions: Sequence[Companion]
 
     def note(self, taken: int, more: int) -> None:
         """Let the model count the steps that are taken, and 1 in a step that has begun besides."""
@@ -130,7 +131,7 @@ class Stretch(NamedTuple):
 
     def end(self) -> None:
         """Let what was taken along notice that the steps are over."""
-        for companion in self.model.observers.companions():
+        for companion in self.companions:
             companion.after_stretch(self.model)
 
     def end_early(self) -> None:
@@ -177,13 +178,14 @@ def begin_stretch(model: Any, steps: int, stops: Sequence[Until] = ()) -> Stretc
     most = longest_stretch(model, plan, steps, stops)
     if most < FEWEST_STEPS:
         return None
-    for companion in model.observers.companions():
+    companions = model.observers.companions()
+    for companion in companions:
         companion.before_stretch(model, most)
     driver = driver_of(model, model.parts.plan, stops)
     completed, begun = model.completed, model.steps
     cache.ahead = begun - completed
     model.parts.bodies.begin_step()
-    return Stretch(model, driver, most, completed, begun, len(model.swarm))
+    return Stretch(model, driver, most, completed, begun, len(model.swarm), companions)
 
 
 def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] = ()) -> int:
@@ -300,10 +302,9 @@ def senses_first(plan: Plan) -> bool:
 
 
 def add_kernels_of_companions(model: Any, kernels: list[tuple[Kernel, int]]) -> list[tuple[Kernel, int]]:
-    """Return the kernels of a step with those that observers have, at the end or behind the first, of sensing."""
-    pairs = [(companion.after_sensing, companion.kernel(model)) for companion in model.observers.companions()]
-    early, late = ([(kernel, 1) for after, kernel in pairs if kernel and after is when] for when in (True, False))
-    return [*kernels[:1], *early, *kernels[1:], *late]
+    """Return the kernels of a step with those that observers have, behind the first, of sensing."""
+    of_companions = [companion.kernel(model) for companion in model.observers.companions()]
+    return [*kernels[:1], *((kernel, 1) for kernel in of_companions if kernel is not None), *kernels[1:]]
 
 
 def kernels_of_rows(model: Any) -> list[tuple[Kernel, int]]:

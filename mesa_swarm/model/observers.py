@@ -102,12 +102,6 @@ class Companion(Observer):
     It is called around each step that is taken by itself, whatever `every` it has, and around each compiled call. Of a
     step that fails within such a call it is notified by `after_failure`.
 
-    Attributes
-    ----------
-    after_sensing : bool
-        Whether its kernel runs in the next step, as soon as robots have read their sensors, rather than at the end of
-        a step.
-
     Examples
     --------
     >>> from mesa_swarm import SwarmModel
@@ -122,8 +116,6 @@ class Companion(Observer):
     1500
     """
 
-    after_sensing: bool = False
-
     def list_due(self, model: Any) -> Iterable[Any]:
         """Return in which steps Python is due, as objects of `driving.Due`."""
         return ()
@@ -133,7 +125,7 @@ class Companion(Observer):
         return
 
     def kernel(self, model: Any) -> Kernel | None:
-        """Return what is to run in each step of a compiled call."""
+        """Return what is to run in each step of a compiled call, as soon as robots have read their sensors."""
         return None
 
     def after_stretch(self, model: Any) -> None:

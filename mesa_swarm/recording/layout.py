@@ -1,6 +1,6 @@
 """What is recorded and drawn of a model in a step: as NumPy arrays in memory, and as Arrow lists in the file."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import is_not
 from typing import Any
 
@@ -359,8 +359,8 @@ class Chunk:
         happened = np.searchsorted(self._log.step, self.steps[first:end], side="right")
         self.event_counts[first + 1 : end + 1] = happened
 
-    def kernel(self, model: EngineModel, counts: np.ndarray) -> Kernel | None:
-        """Return what writes rows as `put` does, see `kernels.rows`, None if Python has to; `why_not` names the cause.
+    def kernel(self, model: EngineModel, counts: np.ndarray, write: Callable[[], object]) -> Kernel | None:
+        """Return what writes rows as `put` does, see `rows_of`, None if Python has to; `why_not` names the cause.
 
         It is made anew when parts have other arrays.
         """
@@ -371,7 +371,7 @@ class Chunk:
             absent = [name for name, copy in copies.items() if copy is None]
             self.why_not = f"{absent[0]} is copied in Python" if absent else ""
             if not absent:
-                prepared.kernel = rows_of([copy for copy in copies.values() if copy], counts, self.steps)
+                prepared.kernel = rows_of([copy for copy in copies.values() if copy], counts, self.steps, write)
         return prepared.kernel
 
     def _arrays_of_parts(self, model: EngineModel) -> dict[str, np.ndarray]:

@@ -8,6 +8,7 @@ import weakref
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from mimetypes import MimeTypes
 from pathlib import Path
 from time import perf_counter
@@ -22,9 +23,9 @@ from mesa_swarm.base.files import show_path
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.fires_part import BURNING
 from mesa_swarm.kernels.part import Kernel
-from mesa_swarm.kernels.rows import BEFORE, EVERY, FIRST, LAST, LATER, ROWS
+from mesa_swarm.kernels.rows import AFTER, ASKED, BEFORE, EVERY, ROWS
 from mesa_swarm.model.bodies_part import POSES
-from mesa_swarm.model.driving import Due, DueAfterwards, senses_first
+from mesa_swarm.model.driving import MOST_STEPS, Due, DueAfterwards, senses_first
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.observers import Companion
 from mesa_swarm.recording.changes import (
@@ -81,18 +82,18 @@ class RowBuffer:
     """The rows of a chunk, before they are written to a file.
 
     The pending rows follow from two counts, rows added and rows sealed, so that Ctrl-C between any two instructions
-    neither loses a row nor writes one twice. A kernel adds rows as well: see `prepare`.
+    neither loses a row nor writes one twice. Within compiled calls a kernel adds rows, and asks for those that Python
+    has to add: with a state hash, and the last one of a chunk.
     """
 
     def __init__(self, layout: Layout, writer: SealedWriter, model: EngineModel, every: int = 1) -> None:
         self.writer = writer
         self._gap, self.newest, self._every = longest_gap(every), model.completed, every
-        self._counts, self._known = np.zeros(LATER + 1, np.int64), 0  # those of `kernels.rows`; rows that Python knows
-        self._counts[EVERY], self._counts[LATER] = every, layout.has_readings
+        self._counts, self._known = np.zeros(ASKED + 1, np.int64), 0  # those of `kernels.rows`; rows that Python knows
+        self._counts[EVERY] = every
         self._layout = layout
         self._signs, self._scenery = _signs_of_scenery(model), scenery_of(model)
         self._chunk: Chunk | None = None
-        self.kernel: Kernel | None = None  # what adds rows to it, see `find_due`
         self._hashed = -1
         self._moves: list[HandMove] = []
         self._event_count = len(model.events)
@@ -127,37 +128,43 @@ class RowBuffer:
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
 
-    def find_due(self, model: EngineModel) -> tuple[str, int]:
-        """Return why Python adds each row, empty if `kernel` can add some, and the step of the first that Python adds.
+    def find_kernel(self, model: EngineModel, ask: Callable[[], object]) -> tuple[str, Kernel | None]:
+        """Return why Python adds each row, empty if it does not, and what adds rows; None if the next begins a chunk.
 
-        That is one with a state hash, the last one of a chunk, or the first of another.
+        `ask` is called for a row that Python is to add.
         """
-        row = model.completed + self._every - model.completed % self._every
-        senses_late = self._layout.has_readings and not senses_first(model.parts.plan)
-        why = "a stage before sensing" if senses_late else what_is_python(model, self._layout)
-        chunk, self.kernel = None if why else self._chunk_of(model, row), None
-        if chunk is not None:
-            self.kernel, why = chunk.kernel(model, self._counts), chunk.why_not
-        return why, row if chunk is None or why else self._next_due(row, chunk.capacity)
+        why = what_is_python(model, self._layout) if senses_first(model.parts.plan) else "a stage before sensing"
+        chunk = None if why else self._chunk_of(model)
+        return (why, None) if chunk is None else (chunk.why_not, chunk.kernel(model, self._counts, ask))
 
-    def _chunk_of(self, model: EngineModel, row: int) -> Chunk | None:
-        """Return the chunk to which the row of a step belongs, None if it begins another one."""
-        chunk = self._chunk
+    def _chunk_of(self, model: EngineModel) -> Chunk | None:
+        """Return the chunk to which the next row belongs, None if it begins another one."""
+        chunk, row = self._chunk, self.next_row(model)
         if chunk is None or row > self.newest + self._gap or _signs_of_scenery(model) != self._signs:
             return None
         return chunk if chunk.has_fields_of(model) else None
 
-    def _next_due(self, row: int, capacity: int) -> int:
-        """Return the step of the first row, this one or later, that has a state hash or is the last of the chunk."""
-        last = row + (capacity - 1 - self.rows + self.writer.sealed.rows) * self._every
-        if row // HASH_EVERY != self._hashed:
-            return row
-        return min(last, -(-(self._hashed + 1) * HASH_EVERY // self._every) * self._every)
+    def next_row(self, model: EngineModel) -> int:
+        """Return the step of the next row."""
+        return model.completed + self._every - model.completed % self._every
 
-    def prepare(self, completed: int, steps: int) -> None:
-        """Let the kernel add the rows that are due in the next steps, but for that of the last one."""
-        self._counts[BEFORE] = self.writer.sealed.rows
-        self._counts[FIRST], self._counts[LAST] = completed, completed + steps
+    def prepare(self, model: EngineModel) -> None:
+        """Let the kernel add the next rows, up to the first that has a state hash or is the last one of the chunk."""
+        counts, row = self._counts, self.next_row(model)
+        counts[BEFORE], counts[AFTER], counts[ASKED] = self.writer.sealed.rows, model.completed, row
+        if self._chunk is not None and row // HASH_EVERY == self._hashed:
+            last = row + (self._chunk.capacity - 1 - self.rows + self.writer.sealed.rows) * self._every
+            counts[ASKED] = min(last, -(-(self._hashed + 1) * HASH_EVERY // self._every) * self._every)
+
+    def put_asked(self, model: EngineModel) -> bool:
+        """Add a row for which the kernel has asked, and return whether the kernel may add those after it."""
+        chunk = self._chunk
+        self._counts[AFTER] = sys.maxsize  # if this fails, the step is taken to its end without a row
+        if self.newest < model.completed:
+            self.put(model)
+        if self._chunk is chunk:
+            self.prepare(model)
+        return self._chunk is chunk
 
     def take_rows(self) -> None:
         """Complete the rows that the kernel has added."""
@@ -269,25 +276,28 @@ def _is_readable(batch: pa.RecordBatch) -> bool:
     return True
 
 
-class RowsDue(DueAfterwards):
+class RowDue(DueAfterwards):
     """A recorder of which Python adds the row of a step, or stores the complete state after it.
 
     Parameters
     ----------
     what : str
-    every : int
-        The most steps from one to the next.
     step : int
         The first of these steps.
+    every : int
+        The most steps from one to the next, 0 if there is only this one.
     """
 
-    def __init__(self, what: str, every: int, step: int) -> None:
-        super().__init__(what, every)
-        self.step = step
+    def __init__(self, what: str, step: int, every: int = 0) -> None:
+        super().__init__(f"observer Recorder: {what}", every or MOST_STEPS)
+        self.step, self.is_one = step, not every
 
     def first_after(self, completed: int) -> int:
         """Return the step."""
         return self.step
+
+    def __str__(self) -> str:
+        return self.what if self.is_one else super().__str__()
 
 
 class Recorder(Companion):
@@ -336,7 +346,8 @@ class Recorder(Companion):
         self._replacements: list[str] = []  # what a model that has taken the place of another differs in
         self._unwritten: EngineModel | None = None
         self._driven: EngineModel | None = None  # one of which a compiled call takes steps
-        self.after_sensing = layout.has_readings
+        self._kernel: Kernel | None = None
+        self._failure: Exception | None = None  # to write a row, within a compiled call
         self._first_step = model.completed  # the steps that were completed when the present one began
         self._observers = model.observers
         self._observers.append(self)
@@ -413,31 +424,50 @@ class Recorder(Companion):
         self._detector = ChangeDetector(model)
 
     def list_due(self, model: EngineModel) -> Iterator[Due]:
-        """Yield in which step Python is due next: to add a row, or to store the complete state."""
+        """Yield in which step Python is due next: to add a row of itself, or to store the complete state."""
         if self.closed:
             return
-        why, row = self._buffer.find_due(model)
+        why, self._kernel = self._buffer.find_kernel(model, partial(self._put_asked, model))
         if why:
-            yield RowsDue(f"observer Recorder: {why}", self.every, row)
-        else:
-            yield RowsDue("observer Recorder: state hashes", max(self.every, HASH_EVERY), row)
+            yield RowDue(why, self._buffer.next_row(model), self.every)
+        elif self._kernel is None:
+            yield RowDue("the next row begins a chunk", self._buffer.next_row(model))
         if self._checkpoints.every:
             step = max(self._checkpoints.next_step, model.completed + 1)
-            yield RowsDue("observer Recorder: checkpoints", self._checkpoints.every, step)
+            yield RowDue("checkpoints", step, self._checkpoints.every)
 
     def before_stretch(self, model: EngineModel, steps: int) -> None:
         """Store the state if it was changed by hand, before a compiled call; its kernel adds rows to the buffer."""
         if not self.closed:
             self._driven = model
             self._note_changes(model, model.steps)
-            self._buffer.prepare(model.completed, steps)
+            self._buffer.prepare(model)
 
     def kernel(self, model: EngineModel) -> Kernel | None:
-        """Return what adds rows."""
-        return None if self.closed else self._buffer.kernel
+        """Return what adds rows, which `list_due` has found."""
+        return None if self.closed else self._kernel
+
+    def _put_asked(self, model: EngineModel) -> None:
+        """Add a row for which the kernel has asked; an error is raised when the step is over, which has begun."""
+        try:
+            goes_on = self._buffer.put_asked(model)
+        except (RecordingError, OSError) as error:
+            self._failure, goes_on = error, False
+        if not goes_on:
+            model.driving.flag[:] = True
 
     def after_stretch(self, model: EngineModel) -> None:
-        """Record what is due after a compiled call."""
+        """Record what is due after a compiled call.
+
+        Raises
+        ------
+        RecordingError, OSError
+            If a row could not be written during the call.
+        """
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            self._abandon()
+            raise failure
         self.between_steps(model)
 
     def after_run(self, model: EngineModel, steps: int) -> None:
