@@ -104,8 +104,8 @@ class RowBuffer:
         """How many rows were added."""
         return int(self._counts[ROWS])
 
-    def put(self, model: EngineModel) -> None:
-        """Add a row with the present state of the model."""
+    def put(self, model: EngineModel, later: bool = False) -> None:
+        """Add a row with the present state of the model; a full chunk may be written later, by a thread."""
         self.take_rows()
         chunk, step = self._chunk, model.completed
         self._check_gap(step)
@@ -121,12 +121,12 @@ class RowBuffer:
         state_hash = None
         if step // HASH_EVERY != self._hashed:
             state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
-        row = self.rows - self.writer.sealed.rows
+        row = self.rows - self.writer.rows
         chunk.put(model, row, state_hash, self._event_count)
         self._known, self.newest, self._event_count = self._known + 1, step, len(model.events)
         self._counts[ROWS] = self._known
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
-            self.flush()
+            self.flush(later)
 
     def find_kernel(self, model: EngineModel, ask: Callable[[], object]) -> tuple[str, Kernel | None]:
         """Return why Python adds each row, empty if it does not, and what adds rows; None if the next begins a chunk.
@@ -151,9 +151,9 @@ class RowBuffer:
     def prepare(self, model: EngineModel) -> None:
         """Let the kernel add the next rows, up to the first that has a state hash or is the last one of the chunk."""
         counts, row = self._counts, self.next_row(model)
-        counts[BEFORE], counts[AFTER], counts[ASKED] = self.writer.sealed.rows, model.completed, row
+        counts[BEFORE], counts[AFTER], counts[ASKED] = self.writer.rows, model.completed, row
         if self._chunk is not None and row // HASH_EVERY == self._hashed:
-            last = row + (self._chunk.capacity - 1 - self.rows + self.writer.sealed.rows) * self._every
+            last = row + (self._chunk.capacity - 1 - self.rows + self.writer.rows) * self._every
             counts[ASKED] = min(last, -(-(self._hashed + 1) * HASH_EVERY // self._every) * self._every)
 
     def put_asked(self, model: EngineModel) -> bool:
@@ -161,14 +161,14 @@ class RowBuffer:
         chunk = self._chunk
         self._counts[AFTER] = sys.maxsize  # if this fails, the step is taken to its end without a row
         if self.newest < model.completed:
-            self.put(model)
+            self.put(model, later=True)
         if self._chunk is chunk:
             self.prepare(model)
         return self._chunk is chunk
 
     def take_rows(self) -> None:
         """Complete the rows that the kernel has added."""
-        rows, sealed = self.rows, self.writer.sealed.rows
+        rows, sealed = self.rows, self.writer.rows
         if self._chunk is not None and self._known < rows:
             self._chunk.complete(self._known - sealed, rows - sealed, self._event_count)
             self.newest = int(self._chunk.steps[rows - sealed - 1])
@@ -197,13 +197,13 @@ class RowBuffer:
         if self._moves and self._moves[-1].step == step:
             self._moves.pop()
 
-    def flush(self) -> None:
+    def flush(self, later: bool = False) -> None:
         """Write the pending rows as one chunk."""
         self.take_rows()
-        pending = self.rows - self.writer.sealed.rows
+        pending = self.rows - self.writer.rows
         if self._chunk is not None and pending:
             self._write_moves()
-            self._write(self._chunk, pending)
+            self._write(self._chunk, pending, self.writer.write_later if later else self.writer.write)
         self._written_at = perf_counter()
         if self._written_at - self._synced_at > MOST_SECONDS:
             self.writer.sync()
@@ -228,7 +228,7 @@ class RowBuffer:
             self.writer.attach(MOVES, moves_to_bytes(self._moves), self._moves[0].step)
             self._moves = []
 
-    def _write(self, chunk: Chunk, rows: int) -> None:
+    def _write(self, chunk: Chunk, rows: int, write: Callable[[pa.RecordBatch, int], None]) -> None:
         """Write the first rows of a chunk; if one has out-of-range values, write those before it and raise."""
         batch, first = chunk.batch(rows), int(chunk.steps[0])
         try:
@@ -238,7 +238,7 @@ class RowBuffer:
             if good:
                 self.writer.write(chunk.batch(good), first)
             raise
-        self.writer.write(batch, first)
+        write(batch, first)
 
     def _attach_change(self, model: EngineModel) -> None:
         """Write the present population, and the scenery if it has changed."""
@@ -468,6 +468,8 @@ class Recorder(Companion):
         if failure is not None:
             self._abandon()
             raise failure
+        if not self.closed:
+            self._write_or_stop(self._buffer.writer.finish)
         self.between_steps(model)
 
     def after_run(self, model: EngineModel, steps: int) -> None:
