@@ -135,9 +135,9 @@ def copy_row(block, step, first, last):
     copies, counts, steps, of_step = r.copies, r.counts, r.steps, step - 1
     if of_step <= counts[AFTER] or of_step % counts[EVERY] != 0:
         return 0
-    if of_step >= counts[ASKED]:
-        return ASK
     row = counts[ROWS] - counts[BEFORE]
+    if of_step >= counts[ASKED] or row >= steps.shape[0]:
+        return ASK
     for k in range(copies.shape[0]):
         call = unpack(copies[k], KernelCall)
         call_at(call.address, call.block, step, row, row + 1)

@@ -108,6 +108,8 @@ class RowBuffer:
         """Add a row with the present state of the model; a full chunk may be written later, by a thread."""
         self.take_rows()
         chunk, step = self._chunk, model.completed
+        if chunk is not None and self.rows - self.writer.rows == chunk.capacity:  # Ctrl-C came before it was written
+            self.flush()
         self._check_gap(step)
         self._layout.prepare(model)
         signs = _signs_of_scenery(model)

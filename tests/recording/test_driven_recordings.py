@@ -7,13 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import SwarmModel, disc, drive, process
-from mesa_swarm.errors import BehaviourError
+from mesa_swarm.errors import BehaviourError, RecordingError
 from mesa_swarm.kernels.plan import Driver
 from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.physics.engine import CompiledEngine
 from mesa_swarm.recording import Recording, verify
+from mesa_swarm.recording.layout import Chunk
+from mesa_swarm.recording.sealed_stream import SealedWriter
 from support.driven_models import Counting, taken
 from support.own_parts import Odometer
 from support.recorded_twice import (
@@ -289,6 +291,62 @@ def test_an_error_while_models_are_driven_together_leaves_the_rows_of_all_steps_
     recorders[1].close()
     assert recorders[0].closed
     assert [len(Recording(tmp_path / f"{place}.arrow")) for place in (0, 1)] == [56, 90]
+
+
+@pytest.mark.parametrize("name", ["put", "batch"])
+def test_ctrl_c_while_python_adds_a_row_within_a_compiled_call_neither_loses_nor_doubles_one(
+    name, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("mesa_swarm.recording.recorder.MOST_ROWS", 20)
+    model, calls, method = plain(), [], getattr(Chunk, name)
+
+    def interrupted(*arguments):
+        calls.append(1)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return method(*arguments)
+
+    with monkeypatch.context() as patched, without_clock(), model.record(tmp_path / "run.arrow"):
+        patched.setattr(Chunk, name, interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            model.run(200)
+    assert 50 < model.completed == model.steps < 200
+    assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, model.completed + 1))
+
+
+def test_a_chunk_that_cannot_be_written_within_a_compiled_call_ends_the_recording_when_a_step_is_over(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr("mesa_swarm.recording.recorder.MOST_ROWS", 20)
+    model, calls, put = plain(), [], SealedWriter._put
+
+    def failing(writer, content):
+        calls.append(1)
+        if len(calls) == 4:
+            raise RecordingError("disk full")
+        put(writer, content)
+
+    recorder = model.record(tmp_path / "run.arrow")
+    with monkeypatch.context() as patched, without_clock():
+        patched.setattr(SealedWriter, "_put", failing)
+        with pytest.raises(RecordingError, match="disk full"):
+            model.run(300)
+    assert recorder.closed
+    assert not model.observers
+    assert model.steps == model.completed == 101  # the thread has failed after step 80, which the next chunk notices
+    assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, 61))
+    assert model.run(30).state_hash() == plain().run(model.completed).state_hash()
+
+
+def test_where_no_thread_can_be_had_chunks_are_written_all_the_same(tmp_path, monkeypatch):
+    def start(thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("mesa_swarm.recording.recorder.MOST_ROWS", 20)
+    monkeypatch.setattr("threading.Thread.start", start)
+    driven, single, steps = recorded_both_ways(plain, tmp_path, lambda model, take: take(model, 150))
+    assert_same_recordings(driven, single)
+    assert steps > 100
 
 
 # ---- verify and resume
