@@ -190,7 +190,7 @@ def pick_of(source: np.ndarray, rows: np.ndarray, target: np.ndarray, place: int
     return Kernel(function, block.numbers, (block, source, target))
 
 
-def rows_of(copies: Sequence[Kernel], counts: np.ndarray, steps: np.ndarray, write: Callable[[], object]) -> Kernel:
+def row_kernel(copies: Sequence[Kernel], counts: np.ndarray, steps: np.ndarray, write: Callable[[], None]) -> Kernel:
     """Return what writes rows by these kernels, when robots have read their sensors in the step after that of the row.
 
     `counts` are as the places above name them; `write` writes a row in Python.

@@ -14,7 +14,7 @@ from mesa_swarm.kernels.part import Kernel, Phase, Prepared
 from mesa_swarm.kernels.plan import CODE, TAKEN, Driver, Plan
 from mesa_swarm.model.measures import ColumnMeasure, MeasuredRows, Until, array_of, measure_of
 from mesa_swarm.model.mesa_model import Collector, has_own_events, is_stepped_by_itself, set_steps
-from mesa_swarm.model.observers import Companion
+from mesa_swarm.model.observers import DrivenObserver
 from mesa_swarm.model.reporters import Held
 
 # The most steps of one compiled call, and the most steps of robots in it: Ctrl-C and progress bars wait for its end.
@@ -102,7 +102,7 @@ class Stretch(NamedTuple):
     completed: int
     begun: int
     rows: int
-    companions: Sequence[Companion]
+    observers: Sequence[DrivenObserver]
 
     def note(self, taken: int, more: int) -> None:
         """Let the model count the steps that are taken, and 1 in a step that has begun besides."""
@@ -131,8 +131,8 @@ class Stretch(NamedTuple):
 
     def end(self) -> None:
         """Let what was taken along notice that the steps are over."""
-        for companion in self.companions:
-            companion.after_stretch(self.model)
+        for observer in self.observers:
+            observer.after_stretch(self.model)
 
     def end_early(self) -> None:
         """Let observers notice that a step has failed, or the end if an interrupt came between two steps."""
@@ -178,14 +178,14 @@ def begin_stretch(model: Any, steps: int, stops: Sequence[Until] = ()) -> Stretc
     most = longest_stretch(model, plan, steps, stops)
     if most < FEWEST_STEPS:
         return None
-    companions = model.observers.companions()
-    for companion in companions:
-        companion.before_stretch(model, most)
+    observers = model.observers.driven()
+    for observer in observers:
+        observer.before_stretch(model, most)
     driver = driver_of(model, model.parts.plan, stops)
     completed, begun = model.completed, model.steps
     cache.ahead = begun - completed
     model.parts.bodies.begin_step()
-    return Stretch(model, driver, most, completed, begun, len(model.swarm), companions)
+    return Stretch(model, driver, most, completed, begun, len(model.swarm), observers)
 
 
 def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] = ()) -> int:
@@ -207,6 +207,8 @@ def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] =
 def list_due(model: Any, plan: Plan, stops: Sequence[Until] = ()) -> Iterator[Due]:
     """Iterate over what in Python makes steps be taken one by one, and in which steps."""
     yield from list_due_of_model(model, stops)
+    if model.observers.driven() and not senses_first(plan):
+        yield Due("a stage before robots read their sensors")
     for part, stage in plan.stages:
         if stage.kernel is None:
             yield Due(f"{part}: {stage.name}", stage.every)
@@ -237,7 +239,7 @@ def list_due_observers(model: Any) -> Iterator[Due]:
     """Iterate over observers, and over what is due of those that compiled calls take along."""
     observers = model.observers
     for observer, every in zip(observers, observers.intervals, strict=True):
-        if isinstance(observer, Companion):
+        if isinstance(observer, DrivenObserver):
             yield from observer.list_due(model)
         else:
             yield Due(f"observer {type(observer).__name__}", every)
@@ -284,7 +286,7 @@ def driver_of(model: Any, plan: Plan, stops: Sequence[Until]) -> Driver:
     """Return what drives a model, made anew where kernels have changed."""
     cache = model.driving
     kernels = [*kernels_of_stages(plan), *kernels_of_rows(model), *kernels_of_stops(model, stops)]
-    kernels = add_kernels_of_companions(model, kernels)
+    kernels = add_kernels_of_observers(model, kernels)
     if cache.driver is None or not cache.driver.is_of(kernels):
         cache.driver = Driver(kernels, cache.flag)
     return cache.driver
@@ -301,10 +303,10 @@ def senses_first(plan: Plan) -> bool:
     return (part, stage.phase) == ("robots", Phase.SENSE)
 
 
-def add_kernels_of_companions(model: Any, kernels: list[tuple[Kernel, int]]) -> list[tuple[Kernel, int]]:
+def add_kernels_of_observers(model: Any, kernels: list[tuple[Kernel, int]]) -> list[tuple[Kernel, int]]:
     """Return the kernels of a step with those that observers have, behind the first, of sensing."""
-    of_companions = [companion.kernel(model) for companion in model.observers.companions()]
-    return [*kernels[:1], *((kernel, 1) for kernel in of_companions if kernel is not None), *kernels[1:]]
+    of_observers = [observer.kernel(model) for observer in model.observers.driven()]
+    return [*kernels[:1], *((kernel, 1) for kernel in of_observers if kernel is not None), *kernels[1:]]
 
 
 def kernels_of_rows(model: Any) -> list[tuple[Kernel, int]]:

@@ -96,7 +96,7 @@ class Observer(Protocol):
 HOOKS = tuple(name for name, value in vars(Observer).items() if not name.startswith("_") and callable(value))
 
 
-class Companion(Observer):
+class DrivenObserver(Observer):
     """An observer that compiled calls of many steps take along, such as a recorder.
 
     It is called around each step that is taken by itself, whatever `every` it has, and around each compiled call. Of a
@@ -105,7 +105,7 @@ class Companion(Observer):
     Examples
     --------
     >>> from mesa_swarm import SwarmModel
-    >>> class Lengths(Companion):
+    >>> class Lengths(DrivenObserver):
     ...     def before_stretch(self, model, steps):
     ...         print(steps, "steps from step", model.completed)
     >>> model = SwarmModel(rng=1)
@@ -146,7 +146,7 @@ class _Adapter(Observer):
         self.__dict__.update(methods)
 
 
-def interval_of(observer: object) -> int:
+def interval_of_observer(observer: object) -> int:
     """Return every how many steps an observer is called.
 
     Raises
@@ -154,7 +154,7 @@ def interval_of(observer: object) -> int:
     InvalidValueError
         If its `every` is not a whole number of at least 1.
     """
-    every = None if isinstance(observer, Companion) else read_attribute(observer, "every")
+    every = None if isinstance(observer, DrivenObserver) else read_attribute(observer, "every")
     return 1 if every is None else Trigger.of(every, f"every of observer {type(observer).__name__}", minimum=1).every
 
 
@@ -181,7 +181,7 @@ class Observers(list):
 
     def _prepare(self) -> None:
         """Make what is called of the objects in the list."""
-        intervals = tuple(map(interval_of, self))
+        intervals = tuple(map(interval_of_observer, self))
         self.complete, self.intervals = _complete_observers(self), intervals
 
     def due(self, step: int) -> tuple[Observer, ...]:
@@ -191,9 +191,9 @@ class Observers(list):
         pairs = zip(self.complete, self.intervals, strict=True)
         return tuple(observer for observer, every in pairs if step % every == 0)
 
-    def companions(self) -> list[Companion]:
+    def driven(self) -> list[DrivenObserver]:
         """Return those that compiled calls take along."""
-        return [observer for observer in self.complete if isinstance(observer, Companion)]
+        return [observer for observer in self.complete if isinstance(observer, DrivenObserver)]
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> tuple:
         return Observers, ()

@@ -17,7 +17,7 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.fire.fires_part import BURNING
 from mesa_swarm.kernels.part import Kernel, Part, Prepared, Shown
-from mesa_swarm.kernels.rows import copy_of, pick_of, rows_of
+from mesa_swarm.kernels.rows import copy_of, pick_of, row_kernel
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import COLOUR, looks_of
 from mesa_swarm.robots.devices import reserve_names
@@ -359,8 +359,8 @@ class Chunk:
         happened = np.searchsorted(self._log.step, self.steps[first:end], side="right")
         self.event_counts[first + 1 : end + 1] = happened
 
-    def kernel(self, model: EngineModel, counts: np.ndarray, write: Callable[[], object]) -> Kernel | None:
-        """Return what writes rows as `put` does, see `rows_of`, None if Python has to; `why_not` names the cause.
+    def kernel(self, model: EngineModel, counts: np.ndarray, write: Callable[[], None]) -> Kernel | None:
+        """Return what writes rows as `put` does, see `row_kernel`, None if Python has to; `why_not` names the cause.
 
         It is made anew when parts have other arrays.
         """
@@ -371,7 +371,7 @@ class Chunk:
             absent = [name for name, copy in copies.items() if copy is None]
             self.why_not = f"{absent[0]} is copied in Python" if absent else ""
             if not absent:
-                prepared.kernel = rows_of([copy for copy in copies.values() if copy], counts, self.steps, write)
+                prepared.kernel = row_kernel([copy for copy in copies.values() if copy], counts, self.steps, write)
         return prepared.kernel
 
     def _arrays_of_parts(self, model: EngineModel) -> dict[str, np.ndarray]:

@@ -25,9 +25,9 @@ from mesa_swarm.fire.fires_part import BURNING
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.rows import AFTER, ASKED, BEFORE, EVERY, ROWS
 from mesa_swarm.model.bodies_part import POSES
-from mesa_swarm.model.driving import MOST_STEPS, Due, DueAfterwards, senses_first
+from mesa_swarm.model.driving import MOST_STEPS, Due, DueAfterwards
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.model.observers import Companion
+from mesa_swarm.model.observers import DrivenObserver
 from mesa_swarm.recording.changes import (
     MOST_POSES,
     ChangeDetector,
@@ -130,12 +130,12 @@ class RowBuffer:
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush(later)
 
-    def find_kernel(self, model: EngineModel, ask: Callable[[], object]) -> tuple[str, Kernel | None]:
+    def find_kernel(self, model: EngineModel, ask: Callable[[], None]) -> tuple[str, Kernel | None]:
         """Return why Python adds each row, empty if it does not, and what adds rows; None if the next begins a chunk.
 
         `ask` is called for a row that Python is to add.
         """
-        why = what_is_python(model, self._layout) if senses_first(model.parts.plan) else "a stage before sensing"
+        why = what_is_python(model, self._layout)
         chunk = None if why else self._chunk_of(model)
         return (why, None) if chunk is None else (chunk.why_not, chunk.kernel(model, self._counts, ask))
 
@@ -302,7 +302,7 @@ class RowDue(DueAfterwards):
         return self.what if self.is_one else super().__str__()
 
 
-class Recorder(Companion):
+class Recorder(DrivenObserver):
     """Writes the model to a file after its steps; made by `record`, and closed by `close`, at exit, or as a context.
 
     Parameters
