@@ -22,7 +22,7 @@ from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import COLOUR, looks_of
 from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.world.fields import MOST_CELLS, MOST_PIXELS, ScalarField, average_blocks, levels_of
-from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
+from mesa_swarm.world.statics import BORDER, FIRE, FIXED, ROBOT
 
 DEFAULT = (
     *("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads"),
@@ -289,10 +289,14 @@ class Chunk:
         self.hashes: list[str | None] = [None] * capacity
         self._robots = _ids(model.swarm.agents)
         self._obstacles, self._fires = _ids(model.obstacle_list), _ids(model.fires.agents)
-        self._loads, self._of_bodies = _ids(model.displaced), model.parts.bodies.table
+        self._loads, table = _ids(model.displaced), model.parts.bodies.table
+        # Arrays only: a buffer that held bodies, and with them the model, would keep a recording open for ever.
+        self._of_bodies = table.position, table.heading, table.temperature
+        self._rows_of_fires = np.flatnonzero(table.kind == FIRE)
+        self._rows_of_loads = np.flatnonzero(table.mode != FIXED)
         self._places = model.fires.discs.astype(layout.real)
-        self._bodies = model.displaced if "loads" in layout.tables else []
-        self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
+        count = len(self._loads) if "loads" in layout.tables else 0
+        self._load_poses = np.zeros((capacity, count, 3), layout.real)
         pictures = pictures_of(model)
         self._fields = [pictures.get(name) for name in layout.fields]
         self._pixels = [self._picture_rows(*pair) for pair in zip(layout.fields, self._fields, strict=True)]
@@ -336,8 +340,10 @@ class Chunk:
             self._heat[:] = model.fires.temperature
         for source, rows in self._pairs:
             rows[row] = source
-        for place, load in enumerate(self._bodies):
-            self._load_poses[row, place] = load.pose
+        if self._load_poses.size:
+            position, heading, _ = self._of_bodies
+            self._load_poses[row, :, :2] = position[self._rows_of_loads]
+            self._load_poses[row, :, 2] = heading[self._rows_of_loads]
         pictures = pictures_of(model) if self._fields else {}
         for place, name in enumerate(self.layout.fields):
             field = pictures.get(name)
@@ -355,9 +361,9 @@ class Chunk:
         `event_count` events are in rows before these.
         """
         self.hashes[first:end] = [None] * (end - first)
-        self.event_counts[first] = event_count
-        happened = np.searchsorted(self._log.step, self.steps[first:end], side="right")
-        self.event_counts[first + 1 : end + 1] = happened
+        self.event_counts[first : end + 1] = event_count
+        if len(self._log) > event_count:
+            self.event_counts[first + 1 : end + 1] = np.searchsorted(self._log.step, self.steps[first:end], "right")
 
     def kernel(self, model: EngineModel, counts: np.ndarray, write: Callable[[], None]) -> Kernel | None:
         """Return what writes rows as `put` does, see `row_kernel`, None if Python has to; `why_not` names the cause.
@@ -384,13 +390,13 @@ class Chunk:
         pairs |= {f"{name} of fires": pair for name, pair in self._fire_rows.items()}
         pairs |= {name: (of_parts[name], rows) for name, rows in self._part_rows.items()}
         copies = {name: copy_of(*pair) for name, pair in pairs.items()}
+        position, heading, temperature = self._of_bodies
         if len(self._heat) and "temperature" in self._fire_rows:
-            rows, target = np.flatnonzero(self._of_bodies.kind == FIRE), self._fire_rows["temperature"][1]
-            copies["temperature of fires"] = pick_of(self._of_bodies.temperature, rows, target)
-        if self._bodies:
-            rows = np.array([body.row for body in self._bodies], np.int64)
-            copies["places of loads"] = pick_of(self._of_bodies.position, rows, self._load_poses)
-            copies["headings of loads"] = pick_of(self._of_bodies.heading, rows, self._load_poses, 2)
+            target = self._fire_rows["temperature"][1]
+            copies["temperature of fires"] = pick_of(temperature, self._rows_of_fires, target)
+        if self._load_poses.size:
+            copies["places of loads"] = pick_of(position, self._rows_of_loads, self._load_poses)
+            copies["headings of loads"] = pick_of(heading, self._rows_of_loads, self._load_poses, 2)
         return copies
 
     def _put_parts(self, model: EngineModel, row: int) -> None:

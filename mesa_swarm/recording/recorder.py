@@ -429,7 +429,7 @@ class Recorder(DrivenObserver):
         """Yield in which step Python is due next: to add a row of itself, or to store the complete state."""
         if self.closed:
             return
-        why, self._kernel = self._buffer.find_kernel(model, partial(self._put_asked, model))
+        why, self._kernel = self._buffer.find_kernel(model, partial(_ask, weakref.ref(self), weakref.ref(model)))
         if why:
             yield RowDue(why, self._buffer.next_row(model), self.every)
         elif self._kernel is None:
@@ -555,6 +555,11 @@ class Recorder(DrivenObserver):
         if self in self._observers:
             self._observers.remove(self)
         self._buffer.writer.abandon()
+
+
+def _ask(recorder: Callable[[], Recorder | None], model: Callable[[], EngineModel | None]) -> None:
+    """Let a recorder add a row: a kernel of its buffer that held it would keep both for ever."""
+    recorder()._put_asked(model())  # type: ignore[union-attr, arg-type]
 
 
 class _Checkpoints:

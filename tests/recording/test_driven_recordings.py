@@ -1,5 +1,6 @@
 """A recording of a run that compiled calls drive is, in all that a reader reads, that of its single steps."""
 
+import gc
 from itertools import pairwise
 
 import pytest
@@ -26,7 +27,7 @@ from support.recorded_twice import (
     steps_driven,
     without_clock,
 )
-from support.recorded_worlds import WORLDS, a_lamp, fires, plain, robots_that_smell, tick, world
+from support.recorded_worlds import WORLDS, a_lamp, fires, plain, pushed_loads, robots_that_smell, tick, world
 
 SETTINGS = [{}, {"every": 3}, {"every": 7, "exact": True}, {"checkpoint_every": 40}]
 COLUMNS = (
@@ -432,6 +433,17 @@ def test_a_model_with_a_step_of_its_own_is_recorded_as_ever(tmp_path):
     driven, single, steps = recorded_both_ways(lambda: Counting(rng=1), tmp_path, lambda model, take: take(model, 30))
     assert_same_recordings(driven, single)
     assert not steps
+
+
+@pytest.mark.parametrize("make", [plain, pushed_loads, fires])
+def test_a_driven_recording_is_closed_when_its_model_is_gone(make, tmp_path):
+    model = make()
+    model.record(tmp_path / "run.arrow")
+    model.run(150)
+    del model
+    gc.collect()
+    assert Recording(tmp_path / "run.arrow").complete
+    assert len(Recording(tmp_path / "run.arrow")) == 150
 
 
 def test_a_run_goes_on_after_its_recording_is_closed_within_it(tmp_path):
