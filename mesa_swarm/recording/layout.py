@@ -1,6 +1,7 @@
 """What is recorded and drawn of a model in a step: as NumPy arrays in memory, and as Arrow lists in the file."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from operator import is_not
 from typing import Any
 
@@ -354,6 +355,19 @@ class Chunk:
         self._put_parts(model, row)
         self.steps[row] = model.completed
         self.hashes[row] = state_hash
+
+    def copy(self, rows: int) -> "Chunk":
+        """Return the first rows in buffers of their own, for a thread that writes them while others are added here."""
+        other = copy(self)
+        for name in ("_robot_rows", "_contact_rows", "_fire_rows"):
+            pairs = {column: (source, buffer[:rows].copy()) for column, (source, buffer) in vars(self)[name].items()}
+            setattr(other, name, pairs)
+        other._part_rows = {name: buffer[:rows].copy() for name, buffer in self._part_rows.items()}
+        other._pixels = [pixels[:rows].copy() for pixels in self._pixels]
+        other._load_poses, other._sums = self._load_poses[:rows].copy(), self._sums[:rows].copy()
+        other._drawn_discs, other.hashes = self._drawn_discs[:rows], self.hashes[:rows]
+        other.steps, other.event_counts = self.steps[:rows].copy(), self.event_counts[: rows + 1].copy()
+        return other
 
     def complete(self, first: int, end: int, event_count: int) -> None:
         """Add to rows that a kernel has written what it does not write: events, and that they have no state hash.

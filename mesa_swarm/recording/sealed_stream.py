@@ -14,7 +14,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cached_property, partial
+from functools import cached_property
 from io import FileIO
 from itertools import pairwise
 from pathlib import Path
@@ -117,6 +117,11 @@ class LaterPiece:
         if self._error is not None:
             raise self._error
 
+    @property
+    def is_pending(self) -> bool:
+        """Whether it is to be written yet, as after Ctrl-C."""
+        return not self._is_done
+
     def drop(self) -> None:
         """Do not write the piece, unless it is written."""
         with self._lock:
@@ -169,17 +174,17 @@ class SealedWriter:
     def write(self, batch: pa.RecordBatch, step: int) -> None:
         """Write a piece whose first row is of this step."""
         self.finish()
-        self._write(batch, step)
+        self.write_now(batch, step)
 
-    def _write(self, batch: pa.RecordBatch, step: int) -> None:
+    def write_now(self, batch: pa.RecordBatch, step: int) -> None:
+        """Do so without waiting for what is written later: for the thread that writes it."""
         self._append(self._message(batch), batch.num_rows, step)
         self._take_name()
 
-    def write_later(self, batch: pa.RecordBatch, step: int) -> None:
-        """Write a piece as `write` does, but in a thread of its own; the batch is copied first."""
+    def write_later(self, write: Callable[[], None], rows: int) -> None:
+        """Let a thread of its own write a piece of some rows, by a function that calls `write_now`."""
         self.finish()
-        copy = pa.ipc.read_record_batch(batch.serialize(), batch.schema)
-        self._later = LaterPiece(partial(self._write, copy, step), self.sealed.rows + batch.num_rows)
+        self._later = LaterPiece(write, self.sealed.rows + rows)
         self._later.begin()
 
     def finish(self) -> None:
@@ -190,9 +195,12 @@ class SealedWriter:
         RecordingError
             If it could not be written.
         """
-        if self._later is not None:
-            self._later.finish()
-            self._later = None
+        later = self._later
+        if later is not None:
+            try:
+                later.finish()
+            finally:
+                self._later = later if later.is_pending else None
 
     def attach(self, name: str, content: bytes, step: int) -> None:
         """Write a piece without rows that contains these bytes, which other tools ignore."""

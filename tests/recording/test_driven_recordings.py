@@ -3,6 +3,7 @@
 import gc
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -294,7 +295,7 @@ def test_an_error_while_models_are_driven_together_leaves_the_rows_of_all_steps_
     assert [len(Recording(tmp_path / f"{place}.arrow")) for place in (0, 1)] == [56, 90]
 
 
-@pytest.mark.parametrize("name", ["put", "batch"])
+@pytest.mark.parametrize("name", ["put", "copy"])
 def test_ctrl_c_while_python_adds_a_row_within_a_compiled_call_neither_loses_nor_doubles_one(
     name, tmp_path, monkeypatch
 ):
@@ -337,6 +338,29 @@ def test_a_chunk_that_cannot_be_written_within_a_compiled_call_ends_the_recordin
     assert model.steps == model.completed == 101  # the thread has failed after step 80, which the next chunk notices
     assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, 61))
     assert model.run(30).state_hash() == plain().run(model.completed).state_hash()
+
+
+@process
+def overheat(temperature, step):
+    if step == 57:
+        temperature[0] = np.inf
+
+
+@pytest.mark.parametrize("rows", [20, 256])
+def test_a_value_that_cannot_be_recorded_leaves_the_rows_before_it(rows, tmp_path, monkeypatch):
+    monkeypatch.setattr("mesa_swarm.recording.recorder.MOST_ROWS", rows)
+    for name, take in (("driven", run), ("single", taken)):
+        model = plain()
+        model.add_process(overheat)
+        recorder = model.record(tmp_path / f"{name}.arrow")
+        with without_clock(), pytest.raises(RecordingError, match="out-of-range values of temperature"):
+            take(model, 90)
+            recorder.close()
+        assert recorder.closed
+    assert Recording(tmp_path / "driven.arrow").steps.tolist() == list(range(1, 57))
+    assert (
+        contents_of(tmp_path / "driven.arrow", whole=False)[0] == contents_of(tmp_path / "single.arrow", whole=False)[0]
+    )
 
 
 def test_where_no_thread_can_be_had_chunks_are_written_all_the_same(tmp_path, monkeypatch):
