@@ -346,6 +346,11 @@ def overheat(temperature, step):
         temperature[0] = np.inf
 
 
+def recorded_until_closed(model, recorder, take):
+    take(model, 90)
+    recorder.close()
+
+
 @pytest.mark.parametrize("rows", [20, 256])
 def test_a_value_that_cannot_be_recorded_leaves_the_rows_before_it(rows, tmp_path, monkeypatch):
     monkeypatch.setattr("mesa_swarm.recording.recorder.MOST_ROWS", rows)
@@ -354,8 +359,7 @@ def test_a_value_that_cannot_be_recorded_leaves_the_rows_before_it(rows, tmp_pat
         model.add_process(overheat)
         recorder = model.record(tmp_path / f"{name}.arrow")
         with without_clock(), pytest.raises(RecordingError, match="out-of-range values of temperature"):
-            take(model, 90)
-            recorder.close()
+            recorded_until_closed(model, recorder, take)
         assert recorder.closed
     assert Recording(tmp_path / "driven.arrow").steps.tolist() == list(range(1, 57))
     assert (
