@@ -77,7 +77,7 @@ def what_is_python(model: EngineModel, layout: "Layout") -> str:
     if layout.fields:
         return "pictures of fields"
     added = model.parts.added()
-    showing = [part.name for part in added if type(part).shown is not Part.shown]
+    showing = [part.name for part in added if getattr(part.shown, "__func__", None) is not Part.shown]
     if showing:
         return f"what part {showing[0]} shows"
     columns, others = columns_of_parts(model), columns_of_parts(model)
@@ -388,10 +388,12 @@ class Chunk:
         if prepared.state is None or any(map(is_not, arrays.values(), prepared.state.values())):
             prepared.state, prepared.kernel = arrays, None
             copies = self._copies(arrays)
-            absent = [name for name, copy in copies.items() if copy is None]
+            absent = [name for name, kernel in copies.items() if kernel is None]
             self.why_not = f"{absent[0]} is copied in Python" if absent else ""
             if not absent:
-                prepared.kernel = row_kernel([copy for copy in copies.values() if copy], counts, self.steps, write)
+                prepared.kernel = row_kernel(
+                    [kernel for kernel in copies.values() if kernel], counts, self.steps, write
+                )
         return prepared.kernel
 
     def _arrays_of_parts(self, model: EngineModel) -> dict[str, np.ndarray]:

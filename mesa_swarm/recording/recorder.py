@@ -137,7 +137,8 @@ class RowBuffer:
         """
         why = what_is_python(model, self._layout)
         chunk = None if why else self._chunk_of(model)
-        return (why, None) if chunk is None else (chunk.why_not, chunk.kernel(model, self._counts, ask))
+        kernel = None if chunk is None else chunk.kernel(model, self._counts, ask)
+        return why or ("" if chunk is None else chunk.why_not), kernel
 
     def _chunk_of(self, model: EngineModel) -> Chunk | None:
         """Return the chunk to which the next row belongs, None if it begins another one."""
@@ -678,9 +679,10 @@ def record(
     """Write the model after each of the next steps to a file, from which `Recording` reads.
 
     The file is an Arrow IPC stream, compressed with zstd, one row a step, which any Arrow reader opens. Rows
-    are written in chunks of at most 256 rows, 2 MB or a second; a program that is killed loses at most the
-    chunk that was not written yet. At the end of a `model.run` of ten steps or more all rows are in the file and can be
-    read, though it is still open; after shorter runs, and after `model.step`, `Recorder.flush` writes them.
+    are written in chunks of at most 256 rows, 2 MB or a second, by a thread while a compiled call takes more steps; a
+    program that is killed loses at most the chunks that were not written yet. At the end of a `model.run` of ten steps
+    or more all rows are in the file and can be read, though it is still open; after shorter runs, and after
+    `model.step`, `Recorder.flush` writes them.
 
     A row is the state of the model at the end of a step. Its readings are those for its own poses; those on which its
     commands and layers were decided are in the row of the step before.

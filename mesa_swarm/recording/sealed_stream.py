@@ -184,7 +184,13 @@ class SealedWriter:
     def write_later(self, write: Callable[[], None], rows: int) -> None:
         """Let a thread of its own write a piece of some rows, by a function that calls `write_now`."""
         self.finish()
-        self._later = LaterPiece(write, self.sealed.rows + rows)
+        end = self.sealed.rows + rows
+
+        def write_once() -> None:
+            if self.sealed.rows < end:  # else Ctrl-C came just after it was written
+                write()
+
+        self._later = LaterPiece(write_once, end)
         self._later.begin()
 
     def finish(self) -> None:
