@@ -207,11 +207,10 @@ class RowBuffer:
         if self._chunk is not None and pending:
             self._write_moves()
             if later:
-                write = partial(self._write, self._chunk.copy(pending), pending)
+                write = partial(self._write, self._chunk.copy(pending), pending, self.writer.write_now)
                 self.writer.write_later(write, pending)
             else:
-                self.writer.finish()
-                self._write(self._chunk, pending)
+                self._write(self._chunk, pending, self.writer.write)
         self._written_at = perf_counter()
         if self._written_at - self._synced_at > MOST_SECONDS:
             self.writer.sync()
@@ -236,7 +235,7 @@ class RowBuffer:
             self.writer.attach(MOVES, moves_to_bytes(self._moves), self._moves[0].step)
             self._moves = []
 
-    def _write(self, chunk: Chunk, rows: int) -> None:
+    def _write(self, chunk: Chunk, rows: int, write: Callable[[pa.RecordBatch, int], None]) -> None:
         """Write the first rows of a chunk; if one has out-of-range values, write those before it and raise."""
         batch, first = chunk.batch(rows), int(chunk.steps[0])
         try:
@@ -244,9 +243,9 @@ class RowBuffer:
         except RecordingError:
             good = bisect_left(range(1, rows), True, key=lambda number: not _is_readable(chunk.batch(number)))
             if good:
-                self.writer.write_now(chunk.batch(good), first)
+                write(chunk.batch(good), first)
             raise
-        self.writer.write_now(batch, first)
+        write(batch, first)
 
     def _attach_change(self, model: EngineModel) -> None:
         """Write the present population, and the scenery if it has changed."""

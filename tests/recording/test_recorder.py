@@ -182,7 +182,7 @@ def test_ctrl_c_while_a_chunk_is_written_neither_loses_nor_doubles_a_row(tmp_pat
     recorder = model.record(tmp_path / "run.arrow")
     for _ in range(10):
         model.step()
-    whole = {name: getattr(SealedWriter, name) for name in ("_put", "_message", "write_now")}
+    whole = {name: getattr(SealedWriter, name) for name in ("_put", "_message", "write")}
 
     def interrupted(name):
         def call(self, *given):
