@@ -54,6 +54,12 @@ POSES, HEAT = "pose of driven bodies", "temperature of bodies"
 Handle = TypeVar("Handle", bound=Body)
 
 
+class Described(Prepared):
+    """What bodies at rest are, and of which state that is."""
+
+    description: Any = None
+
+
 class SceneCache:
     """What a part has made of its state, and makes again when that has changed."""
 
@@ -63,7 +69,7 @@ class SceneCache:
     followers = True
 
     def __init__(self) -> None:
-        self.beginning, self.ending = Prepared(), Prepared()
+        self.beginning, self.ending, self.described = Prepared(), Prepared(), Described()
 
     def __reduce__(self) -> tuple:
         return type(self), ()
@@ -246,7 +252,7 @@ class BodiesPart(Part):
         """Return the bounds of the map, what bodies are, and the state of those that move or burn."""
         table, movers = self.table, self.movers
         loads, fires = table.rows(PUSHED), np.flatnonzero(table.kind == FIRE)
-        facts: dict[str, Any] = {"map": self.map.bounds, "bodies": describe_bodies(self.listed)}
+        facts: dict[str, Any] = {"map": self.map.bounds, "bodies": self._describe()}
         if len(loads):
             facts["loads"] = [table.position[loads], table.heading[loads], table.resistance[loads]]
         if len(movers):
@@ -255,6 +261,15 @@ class BodiesPart(Part):
         if len(fires):
             facts["fires"] = [table.position[fires], table.radius[fires], table.temperature[fires]]
         return facts
+
+    def _describe(self) -> list:
+        """Return what bodies are, where all are at rest the same until one comes, goes or has another temperature."""
+        if self.moves:
+            return describe_bodies(self.listed)
+        prepared, state = self.cache.described, (self.scene(), self.table.temperature.tobytes())
+        if prepared.state != state:
+            prepared.state, prepared.description = state, describe_bodies(self.listed)
+        return prepared.description
 
     def fires(self) -> list[Body]:
         """Return the fires."""

@@ -116,8 +116,8 @@ class ControlPart(Part):
         prefixes = {prefix: key for key, prefix in self.prefixes(by_label).items()}
         longest_first = sorted(prefixes, key=len, reverse=True)
         names = {}
-        for name in self.swarm.columns:
-            prefix = next((p for p in longest_first if name[:1].isdigit() and name.startswith(f"{p}.")), None)
+        for name in [name for name in self.swarm.columns if name[:1].isdigit()]:
+            prefix = next((p for p in longest_first if name.startswith(f"{p}.")), None)
             if prefix is not None:
                 label, layer, place = prefixes[prefix]
                 owner = " ".join(

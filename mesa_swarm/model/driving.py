@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mesa_swarm.base.errors import UnknownNameError
-from mesa_swarm.kernels.part import Kernel, Prepared
-from mesa_swarm.kernels.plan import TAKEN, Driver, Plan
+from mesa_swarm.kernels.part import Kernel, Phase, Prepared
+from mesa_swarm.kernels.plan import CODE, TAKEN, Driver, Plan
 from mesa_swarm.model.measures import ColumnMeasure, MeasuredRows, Until, array_of, measure_of
 from mesa_swarm.model.mesa_model import Collector, has_own_events, is_stepped_by_itself, set_steps
+from mesa_swarm.model.observers import DrivenObserver
 from mesa_swarm.model.reporters import Held
 
 # The most steps of one compiled call, and the most steps of robots in it: Ctrl-C and progress bars wait for its end.
@@ -34,8 +35,30 @@ class Due:
         """Return the first step in which it is due, after this number of steps."""
         return completed + self.every - completed % self.every
 
+    def longest(self, completed: int) -> int:
+        """Return how many steps can be taken in one call after this number: all before the first in which it is due."""
+        return self.first_after(completed) - completed - 1
+
+    @property
+    def most(self) -> int:
+        """The most steps that can be taken in one call."""
+        return self.every - 1
+
     def __str__(self) -> str:
         return self.what if self.every == 1 else f"{self.what}, every {self.every} steps"
+
+
+class DueAfterwards(Due):
+    """Something of Python that is done when steps are over, of which a compiled call may take the last one too."""
+
+    def longest(self, completed: int) -> int:
+        """Return how many steps can be taken in one call: up to the first in which it is due."""
+        return self.first_after(completed) - completed
+
+    @property
+    def most(self) -> int:
+        """The most steps that can be taken in one call."""
+        return self.every
 
 
 class HeldDue(Due):
@@ -79,6 +102,7 @@ class Stretch(NamedTuple):
     completed: int
     begun: int
     rows: int
+    observers: Sequence[DrivenObserver]
 
     def note(self, taken: int, more: int) -> None:
         """Let the model count the steps that are taken, and 1 in a step that has begun besides."""
@@ -93,12 +117,31 @@ class Stretch(NamedTuple):
     def take(self) -> None:
         """Take the steps."""
         try:
-            self.driver.take(self.steps, self.completed, self.begun, self.rows, self.note)
+            self._drive()
         except BaseException:
-            self.model.parts.robots.forget_readings()
+            self.end_early()
             raise
+        self.end()
+
+    def _drive(self) -> None:
+        try:
+            self.driver.take(self.steps, self.completed, self.begun, self.rows, self.note)
         finally:
             self.settle()
+
+    def end(self) -> None:
+        """Let what was taken along notice that the steps are over."""
+        for observer in self.observers:
+            observer.after_stretch(self.model)
+
+    def end_early(self) -> None:
+        """Let observers notice that a step has failed, or the end if an interrupt came between two steps."""
+        self.model.parts.robots.forget_readings()
+        if self.driver.progress[CODE] == 0:
+            self.end()
+            return
+        for observer in self.model.observers.complete:
+            observer.after_failure(self.model)
 
     def finish_step(self) -> None:
         """Take a step to its end that an interrupt has left within it."""
@@ -135,11 +178,14 @@ def begin_stretch(model: Any, steps: int, stops: Sequence[Until] = ()) -> Stretc
     most = longest_stretch(model, plan, steps, stops)
     if most < FEWEST_STEPS:
         return None
-    driver = driver_of(model, plan, stops)
+    observers = model.observers.driven()
+    for observer in observers:
+        observer.before_stretch(model, most)
+    driver = driver_of(model, model.parts.plan, stops)
     completed, begun = model.completed, model.steps
     cache.ahead = begun - completed
     model.parts.bodies.begin_step()
-    return Stretch(model, driver, most, completed, begun, len(model.swarm))
+    return Stretch(model, driver, most, completed, begun, len(model.swarm), observers)
 
 
 def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] = ()) -> int:
@@ -152,7 +198,7 @@ def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] =
         model.driving.undriven = plan
         return 0
     for due in list_due(model, plan, stops):
-        most = min(most, due.first_after(completed) - completed - 1)
+        most = min(most, due.longest(completed))
         if most < FEWEST_STEPS:
             return 0
     return most
@@ -161,6 +207,8 @@ def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] =
 def list_due(model: Any, plan: Plan, stops: Sequence[Until] = ()) -> Iterator[Due]:
     """Iterate over what in Python makes steps be taken one by one, and in which steps."""
     yield from list_due_of_model(model, stops)
+    if model.observers.driven() and not senses_first(plan):
+        yield Due("a stage before robots read their sensors")
     for part, stage in plan.stages:
         if stage.kernel is None:
             yield Due(f"{part}: {stage.name}", stage.every)
@@ -180,12 +228,21 @@ def list_due_of_model(model: Any, stops: Sequence[Until] = ()) -> Iterator[Due]:
         yield Due("a step failed before, so that more were begun than completed")
     if has_own_events(model):
         yield Due("events scheduled by Mesa")
-    for observer in model.observers:
-        yield Due(f"observer {type(observer).__name__}")
+    yield from list_due_observers(model)
     for condition in (*type(model).conditions, *stops):
         if measure_in_place(model, condition.of) is None:
             cure = "declare it by count, share, mean or value"
             yield Due(f"stops by {condition.of}, a property in Python; {cure}", condition.every)
+
+
+def list_due_observers(model: Any) -> Iterator[Due]:
+    """Iterate over observers, and over what is due of those that compiled calls take along."""
+    observers = model.observers
+    for observer, every in zip(observers, observers.intervals, strict=True):
+        if isinstance(observer, DrivenObserver):
+            yield from observer.list_due(model)
+        else:
+            yield Due(f"observer {type(observer).__name__}", every)
 
 
 def list_due_rows(model: Any) -> Iterator[Due]:
@@ -229,6 +286,7 @@ def driver_of(model: Any, plan: Plan, stops: Sequence[Until]) -> Driver:
     """Return what drives a model, made anew where kernels have changed."""
     cache = model.driving
     kernels = [*kernels_of_stages(plan), *kernels_of_rows(model), *kernels_of_stops(model, stops)]
+    kernels = add_kernels_of_observers(model, kernels)
     if cache.driver is None or not cache.driver.is_of(kernels):
         cache.driver = Driver(kernels, cache.flag)
     return cache.driver
@@ -237,6 +295,18 @@ def driver_of(model: Any, plan: Plan, stops: Sequence[Until]) -> Driver:
 def kernels_of_stages(plan: Plan) -> list[tuple[Kernel, int]]:
     """Return the kernels of a plan, each with every how many steps it is due."""
     return [(stage.kernel, stage.every) for _, stage in plan.stages if stage.kernel is not None]
+
+
+def senses_first(plan: Plan) -> bool:
+    """Return whether the first thing in a step is that robots read their sensors."""
+    part, stage = plan.stages[0]
+    return (part, stage.phase) == ("robots", Phase.SENSE)
+
+
+def add_kernels_of_observers(model: Any, kernels: list[tuple[Kernel, int]]) -> list[tuple[Kernel, int]]:
+    """Return the kernels of a step with those that observers have, behind the first, of sensing."""
+    of_observers = [observer.kernel(model) for observer in model.observers.driven()]
+    return [*kernels[:1], *((kernel, 1) for kernel in of_observers if kernel is not None), *kernels[1:]]
 
 
 def kernels_of_rows(model: Any) -> list[tuple[Kernel, int]]:
@@ -278,11 +348,9 @@ def kernels_of_stops(model: Any, stops: Sequence[Until]) -> list[tuple[Kernel, i
 
 def describe_driving(model: Any, plan: Plan) -> str:
     """Return in a line how many steps of a model one compiled call takes, and what is due in between."""
-    dues = [due for due in list_due(model, plan)]
-    if not dues:
-        most = min(MOST_STEPS, max(MOST_ROBOT_STEPS // max(len(model.swarm), 1), 1))
-        return f"driven: up to {most} steps in one compiled call"
-    least = min(due.every for due in dues)
-    if least < FEWEST_STEPS:
+    dues = list(list_due(model, plan))
+    most = min(MOST_STEPS, max(MOST_ROBOT_STEPS // max(len(model.swarm), 1), 1), *(due.most for due in dues))
+    if most < FEWEST_STEPS and dues:
         return "one step at a time: what is Python is due in each"
-    return f"driven: up to {least - 1} steps in one compiled call, then one in Python"
+    then = "" if all(isinstance(due, DueAfterwards) for due in dues) else ", then one in Python"
+    return f"driven: up to {most} steps in one compiled call{then}"

@@ -679,7 +679,7 @@ class EngineModel(MesaModel):
                 collector.collect(self)
             else:
                 self._rows.is_due = True
-        for observer in self.__dict__["observers"].complete:  # without the cost of the property
+        for observer in self.__dict__["observers"].due(self._completed):  # without the cost of the property
             observer.after_step(self, self._completed)
 
     @property

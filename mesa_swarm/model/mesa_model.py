@@ -39,6 +39,7 @@ class MesaModel(mesa.Model):
 
     observers: Observers
     running: bool
+    _completed: int
     _in_step: bool = False
     _passing: bool = False
 
@@ -83,15 +84,15 @@ class MesaModel(mesa.Model):
             self.steps += 1
         if self._passing:
             return
-        observers = self.__dict__["observers"]  # without the cost of the property
+        observers, number = self.__dict__["observers"], self._completed + 1  # without the cost of the property
         self._in_step = True
         try:
-            for observer in observers.complete:
+            for observer in observers.due(number):
                 observer.before_step(self)
             self._begin_step()
             type(self).step(self, *arguments, **keywords)
             self._end_step()
-            for observer in observers.complete:
+            for observer in observers.due(number):
                 observer.between_steps(self)
         except BaseException:
             _schedule_again(self)

@@ -1,10 +1,12 @@
 """What a model calls around each step and each run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, Protocol, SupportsIndex, runtime_checkable
 
 from mesa_swarm.base.errors import InvalidValueError, read_attribute, shortened
+from mesa_swarm.base.trigger import Trigger
+from mesa_swarm.kernels.part import Kernel
 
 # Methods of a list that change it.
 MUTATORS = (
@@ -19,6 +21,9 @@ class Observer(Protocol):
 
     Derive from it and override what is needed: every method does nothing by default, but `break_off` closes.
     An object of another class serves as well, with any of these methods.
+
+    An observer may have `every`, a whole number: the first three methods are called around the steps that it divides
+    only, and `run` hands those in between to a compiled call. With an observer of each step it takes steps one by one.
 
     | method | called |
     | --- | --- |
@@ -42,7 +47,16 @@ class Observer(Protocol):
     1 0
     2 0
     2
+    >>> class Seldom(Printer):
+    ...     every = 20
+    >>> model.observers = [Seldom()]
+    >>> model.run(50).steps
+    20 0
+    40 0
+    52
     """
+
+    every: int = 1
 
     # Each body ends with a return: a type checker takes methods of a Protocol without one for abstract.
 
@@ -79,7 +93,44 @@ class Observer(Protocol):
         return
 
 
-HOOKS = tuple(name for name in vars(Observer) if not name.startswith("_"))
+HOOKS = tuple(name for name, value in vars(Observer).items() if not name.startswith("_") and callable(value))
+
+
+class DrivenObserver(Observer):
+    """An observer that compiled calls of many steps take along, such as a recorder.
+
+    It is called around each step that is taken by itself, whatever `every` it has, and around each compiled call. Of a
+    step that fails within such a call it is notified by `after_failure`.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> class Lengths(DrivenObserver):
+    ...     def before_stretch(self, model, steps):
+    ...         print(steps, "steps from step", model.completed)
+    >>> model = SwarmModel(rng=1)
+    >>> model.observers.append(Lengths())
+    >>> model.run(1500).steps
+    1000 steps from step 0
+    500 steps from step 1000
+    1500
+    """
+
+    def list_due(self, model: Any) -> Iterable[Any]:
+        """Return in which steps Python is due, as objects of `driving.Due`."""
+        return ()
+
+    def before_stretch(self, model: Any, steps: int) -> None:
+        """Notice that a compiled call of at most this many steps begins."""
+        return
+
+    def kernel(self, model: Any) -> Kernel | None:
+        """Return what is to run in each step of a compiled call, as soon as robots have read their sensors."""
+        return None
+
+    def after_stretch(self, model: Any) -> None:
+        """Notice that a compiled call is over, which has completed all steps that it has begun."""
+        return
 
 
 class _Adapter(Observer):
@@ -95,25 +146,54 @@ class _Adapter(Observer):
         self.__dict__.update(methods)
 
 
+def interval_of_observer(observer: object) -> int:
+    """Return every how many steps an observer is called.
+
+    Raises
+    ------
+    InvalidValueError
+        If its `every` is not a whole number of at least 1.
+    """
+    every = None if isinstance(observer, DrivenObserver) else read_attribute(observer, "every")
+    return 1 if every is None else Trigger.of(every, f"every of observer {type(observer).__name__}", minimum=1).every
+
+
 class Observers(list):
     """The observers of a model, in the order in which they are called; a copy of a model has none.
 
     The list holds the objects that were added. What is called is `complete`, their counterparts with all methods
-    of `Observer`, made when the list changes: a method that an object gets later is not found.
+    of `Observer`, made when the list changes: a method that an object gets later is not found, nor is an `every`.
 
     An observer that writes a file belongs to one model: a copy that also wrote there would damage it.
 
     Raises
     ------
     InvalidValueError
-        If something is added that has no method of `Observer`.
+        If something is added that has no method of `Observer`, or of which `every` is not a whole number from 1.
     """
 
     complete: tuple[Observer, ...] = ()
+    intervals: tuple[int, ...] = ()
 
     def __init__(self, *observers: Any) -> None:
         super().__init__(*observers)
-        self.complete = _complete_observers(self)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Make what is called of the objects in the list."""
+        intervals = tuple(map(interval_of_observer, self))
+        self.complete, self.intervals = _complete_observers(self), intervals
+
+    def due(self, step: int) -> tuple[Observer, ...]:
+        """Return those that are called around a step, counted from 1."""
+        if max(self.intervals, default=1) == 1:
+            return self.complete
+        pairs = zip(self.complete, self.intervals, strict=True)
+        return tuple(observer for observer, every in pairs if step % every == 0)
+
+    def driven(self) -> list[DrivenObserver]:
+        """Return those that compiled calls take along."""
+        return [observer for observer in self.complete if isinstance(observer, DrivenObserver)]
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> tuple:
         return Observers, ()
@@ -132,7 +212,7 @@ def _completing(name: str) -> Callable:
         before = self[:]
         result = change(self, *arguments, **keywords)
         try:
-            self.complete = _complete_observers(self)
+            self._prepare()
         except InvalidValueError:
             list.__setitem__(self, slice(None), before)
             raise

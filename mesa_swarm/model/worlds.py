@@ -90,7 +90,7 @@ class ModelRun:
         """Do in Python what the compiled call could not, and return whether it goes on."""
         stretch: Any = self.stretch
         stretch.note(stretch.taken, 1)
-        with self.ending():
+        with self.ending(stretch):
             stretch.driver.attend(code)
         return self.error is None
 
@@ -98,7 +98,7 @@ class ModelRun:
         """Take a step to its end that an interrupt has left within it."""
         stretch: Any = self.stretch
         if self.error is None:
-            with self.ending():
+            with self.ending(stretch):
                 stretch.finish_step()
 
     def finish(self) -> None:
@@ -109,14 +109,19 @@ class ModelRun:
         with self.ending():
             stretch.driver.finish()
         stretch.settle()
+        if self.error is None:
+            with self.ending():
+                stretch.end()
 
     @contextmanager
-    def ending(self) -> Iterator[None]:
-        """End the run if an error is raised."""
+    def ending(self, stretch: Stretch | None = None) -> Iterator[None]:
+        """End the run if an error is raised, in a step of this stretch if there is one."""
         try:
             yield
         except Exception as error:
             self.error = error
+            if stretch is not None:
+                stretch.end_early()
             self.close()
 
     def close(self) -> None:

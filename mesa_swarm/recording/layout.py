@@ -1,6 +1,8 @@
 """What is recorded and drawn of a model in a step: as NumPy arrays in memory, and as Arrow lists in the file."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from operator import is_not
 from typing import Any
 
 import numpy as np
@@ -14,12 +16,14 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.kernels.part import Part, Shown
+from mesa_swarm.fire.fires_part import BURNING
+from mesa_swarm.kernels.part import Kernel, Part, Prepared, Shown
+from mesa_swarm.kernels.rows import copy_of, pick_of, row_kernel
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import COLOUR, looks_of
 from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.world.fields import MOST_CELLS, MOST_PIXELS, ScalarField, average_blocks, levels_of
-from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
+from mesa_swarm.world.statics import BORDER, FIRE, FIXED, ROBOT
 
 DEFAULT = (
     *("position", "heading", "command", "layer", "distance", "kind", "temperature", "fires", "contacts", "loads"),
@@ -66,6 +70,25 @@ class PartPicture:
     def levels(self, most: int = MOST_PIXELS) -> np.ndarray:
         """Return the values as a picture of at most this many pixels, see `levels_of`."""
         return levels_of(average_blocks(self.values, most), self.peak)
+
+
+def what_is_python(model: EngineModel, layout: "Layout") -> str:
+    """Return what of a row Python alone can make, because it may change in each step; empty if there is nothing."""
+    if layout.fields:
+        return "pictures of fields"
+    added = model.parts.added()
+    showing = [part.name for part in added if getattr(part.shown, "__func__", None) is not Part.shown]
+    if showing:
+        return f"what part {showing[0]} shows"
+    columns, others = columns_of_parts(model), columns_of_parts(model)
+    unstable = [name for name, array in columns.items() if name in layout.of_parts and array is not others[name]]
+    if unstable:
+        return f"{unstable[0]}, an array made anew for each row"
+    changing = added or any(process_number != BURNING for process_number in model.parts.processes.numbered)
+    table = model.parts.bodies.table
+    if changing and not np.isnan(table.temperature[table.kind != FIRE]).all():
+        return "colours of bodies that radiate"
+    return ""
 
 
 def columns_of_parts(model: EngineModel) -> dict[str, np.ndarray]:
@@ -250,7 +273,15 @@ def table_type(table: str, real: pa.DataType) -> pa.DataType:
 
 
 class Chunk:
-    """A buffer of rows, between two changes of the population."""
+    """A buffer of rows, between two changes of the population.
+
+    Attributes
+    ----------
+    why_not : str
+        Why no kernel can write its rows; empty if one can, or none was made yet.
+    """
+
+    why_not = ""
 
     def __init__(self, layout: Layout, model: EngineModel, capacity: int) -> None:
         self.layout = layout
@@ -259,16 +290,21 @@ class Chunk:
         self.hashes: list[str | None] = [None] * capacity
         self._robots = _ids(model.swarm.agents)
         self._obstacles, self._fires = _ids(model.obstacle_list), _ids(model.fires.agents)
-        self._loads = _ids(model.displaced)
+        self._loads, table = _ids(model.displaced), model.parts.bodies.table
+        # Arrays only: a buffer that held bodies, and with them the model, would keep a recording open for ever.
+        self._of_bodies = table.position, table.heading, table.temperature
+        self._rows_of_fires = np.flatnonzero(table.kind == FIRE)
+        self._rows_of_loads = np.flatnonzero(table.mode != FIXED)
         self._places = model.fires.discs.astype(layout.real)
-        self._bodies = model.displaced if "loads" in layout.tables else []
-        self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
+        count = len(self._loads) if "loads" in layout.tables else 0
+        self._load_poses = np.zeros((capacity, count, 3), layout.real)
         pictures = pictures_of(model)
         self._fields = [pictures.get(name) for name in layout.fields]
         self._pixels = [self._picture_rows(*pair) for pair in zip(layout.fields, self._fields, strict=True)]
         self._sums = np.zeros((capacity, len(self._fields), 2), layout.real)
         self._log = model.events
-        self._event_counts = [0] * (capacity + 1)  # how many events there were before each row, and after the last
+        # How many events there were before each row, and after the last.
+        self.event_counts = np.zeros(capacity + 1, np.int64)
         standing = [name for name in layout.columns if name not in layout.of_parts]
         self._robot_rows = self._buffers(model.swarm.columns, standing)
         self._part_rows = self._buffers_of_parts(len(self._robots))
@@ -278,6 +314,7 @@ class Chunk:
         fires = ("temperature", "robots", "out") if "fires" in layout.tables else ()
         fire_columns = model.fires.columns
         self._heat = fire_columns["temperature"].copy()  # as it is now: the table of bodies has it
+        self._copying = Prepared()
         self._fire_rows = self._buffers({**fire_columns, "temperature": self._heat}, fires)
         self._check_widths()
         self._pairs = [*self._robot_rows.values(), *self._contact_rows.values(), *self._fire_rows.values()]
@@ -298,14 +335,16 @@ class Chunk:
     def put(self, model: EngineModel, row: int, state_hash: str | None, event_count: int) -> None:
         """Store the present state of the model as a row; `event_count` events are in rows before the first one."""
         if not row:
-            self._event_counts[0] = event_count
-        self._event_counts[row + 1] = len(self._log)
+            self.event_counts[0] = event_count
+        self.event_counts[row + 1] = len(self._log)
         if len(self._heat):
             self._heat[:] = model.fires.temperature
         for source, rows in self._pairs:
             rows[row] = source
-        for place, load in enumerate(self._bodies):
-            self._load_poses[row, place] = load.pose
+        if self._load_poses.size:
+            position, heading, _ = self._of_bodies
+            self._load_poses[row, :, :2] = position[self._rows_of_loads]
+            self._load_poses[row, :, 2] = heading[self._rows_of_loads]
         pictures = pictures_of(model) if self._fields else {}
         for place, name in enumerate(self.layout.fields):
             field = pictures.get(name)
@@ -316,6 +355,65 @@ class Chunk:
         self._put_parts(model, row)
         self.steps[row] = model.completed
         self.hashes[row] = state_hash
+
+    def copy(self, rows: int) -> "Chunk":
+        """Return the first rows in buffers of their own, for a thread that writes them while others are added here."""
+        other = copy(self)
+        for name in ("_robot_rows", "_contact_rows", "_fire_rows"):
+            pairs = {column: (source, buffer[:rows].copy()) for column, (source, buffer) in vars(self)[name].items()}
+            setattr(other, name, pairs)
+        other._part_rows = {name: buffer[:rows].copy() for name, buffer in self._part_rows.items()}
+        other._pixels = [pixels[:rows].copy() for pixels in self._pixels]
+        other._load_poses, other._sums = self._load_poses[:rows].copy(), self._sums[:rows].copy()
+        other._drawn_discs, other.hashes = self._drawn_discs[:rows], self.hashes[:rows]
+        other.steps, other.event_counts = self.steps[:rows].copy(), self.event_counts[: rows + 1].copy()
+        return other
+
+    def complete(self, first: int, end: int, event_count: int) -> None:
+        """Add to rows that a kernel has written what it does not write: events, and that they have no state hash.
+
+        `event_count` events are in rows before these.
+        """
+        self.hashes[first:end] = [None] * (end - first)
+        self.event_counts[first : end + 1] = event_count
+        if len(self._log) > event_count:
+            self.event_counts[first + 1 : end + 1] = np.searchsorted(self._log.step, self.steps[first:end], "right")
+
+    def kernel(self, model: EngineModel, counts: np.ndarray, write: Callable[[], None]) -> Kernel | None:
+        """Return what writes rows as `put` does, see `row_kernel`, None if Python has to; `why_not` names the cause.
+
+        It is made anew when parts have other arrays.
+        """
+        arrays, prepared = self._arrays_of_parts(model), self._copying
+        if prepared.state is None or any(map(is_not, arrays.values(), prepared.state.values())):
+            prepared.state, prepared.kernel = arrays, None
+            copies = self._copies(arrays)
+            absent = [name for name, kernel in copies.items() if kernel is None]
+            self.why_not = f"{absent[0]} is copied in Python" if absent else ""
+            if not absent:
+                prepared.kernel = row_kernel(
+                    [kernel for kernel in copies.values() if kernel], counts, self.steps, write
+                )
+        return prepared.kernel
+
+    def _arrays_of_parts(self, model: EngineModel) -> dict[str, np.ndarray]:
+        columns = columns_of_parts(model) if self._part_rows else {}
+        return {name: columns.get(name, row) for name, row in self.layout.of_parts.items()}
+
+    def _copies(self, of_parts: dict[str, np.ndarray]) -> dict[str, Kernel | None]:
+        """Return a kernel for each column and table that has numbers of its own in each row."""
+        pairs = {**self._robot_rows, **self._contact_rows}
+        pairs |= {f"{name} of fires": pair for name, pair in self._fire_rows.items()}
+        pairs |= {name: (of_parts[name], rows) for name, rows in self._part_rows.items()}
+        copies = {name: copy_of(*pair) for name, pair in pairs.items()}
+        position, heading, temperature = self._of_bodies
+        if len(self._heat) and "temperature" in self._fire_rows:
+            target = self._fire_rows["temperature"][1]
+            copies["temperature of fires"] = pick_of(temperature, self._rows_of_fires, target)
+        if self._load_poses.size:
+            copies["places of loads"] = pick_of(position, self._rows_of_loads, self._load_poses)
+            copies["headings of loads"] = pick_of(heading, self._rows_of_loads, self._load_poses, 2)
+        return copies
 
     def _put_parts(self, model: EngineModel, row: int) -> None:
         """Store columns and discs of added parts, which may have other arrays in every step."""
@@ -423,10 +521,10 @@ class Chunk:
         return self._table("shown", np.array([len(table) for table in self._drawn_discs[:rows]]), values)
 
     def _event_table(self, rows: int) -> pa.Array:
-        first, end = self._event_counts[0], self._event_counts[rows]
+        first, end = self.event_counts[0], self.event_counts[rows]
         columns = zip(*self._log.rows(first, end), strict=True) if end > first else ((),) * len(TABLES["events"])
         return self._table(
-            "events", np.diff(self._event_counts[: rows + 1]), dict(zip(TABLES["events"], columns, strict=True))
+            "events", np.diff(self.event_counts[: rows + 1]), dict(zip(TABLES["events"], columns, strict=True))
         )
 
     def _table(self, name: str, counts: np.ndarray, values: dict[str, Any]) -> pa.Array:

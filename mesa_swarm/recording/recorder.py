@@ -6,23 +6,28 @@ import sys
 import warnings
 import weakref
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from mimetypes import MimeTypes
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
 from mesa_swarm.base.files import show_path
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.fires_part import BURNING
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.rows import AFTER, ASKED, BEFORE, EVERY, ROWS
 from mesa_swarm.model.bodies_part import POSES
+from mesa_swarm.model.driving import MOST_STEPS, Due, DueAfterwards
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.model.observers import Observer
+from mesa_swarm.model.observers import DrivenObserver
 from mesa_swarm.recording.changes import (
     MOST_POSES,
     ChangeDetector,
@@ -35,7 +40,7 @@ from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected_data import Path as SeriesPath
 from mesa_swarm.recording.collected_data import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
-from mesa_swarm.recording.layout import Chunk, Layout, default_columns
+from mesa_swarm.recording.layout import Chunk, Layout, default_columns, what_is_python
 from mesa_swarm.recording.made_objects import check_agent_class
 from mesa_swarm.recording.objects import check_addable, summary
 from mesa_swarm.recording.provenance import (
@@ -77,13 +82,15 @@ class RowBuffer:
     """The rows of a chunk, before they are written to a file.
 
     The pending rows follow from two counts, rows added and rows sealed, so that Ctrl-C between any two instructions
-    neither loses a row nor writes one twice.
+    neither loses a row nor writes one twice. Within compiled calls a kernel adds rows, and asks for those that Python
+    has to add: with a state hash, and the last one of a chunk.
     """
 
     def __init__(self, layout: Layout, writer: SealedWriter, model: EngineModel, every: int = 1) -> None:
         self.writer = writer
-        self._gap, self._newest = longest_gap(every), model.completed
-        self.rows = 0
+        self._gap, self.newest, self._every = longest_gap(every), model.completed, every
+        self._counts, self._known = np.zeros(ASKED + 1, np.int64), 0  # those of `kernels.rows`; rows that Python knows
+        self._counts[EVERY] = every
         self._layout = layout
         self._signs, self._scenery = _signs_of_scenery(model), scenery_of(model)
         self._chunk: Chunk | None = None
@@ -92,9 +99,17 @@ class RowBuffer:
         self._event_count = len(model.events)
         self._written_at = self._synced_at = perf_counter()
 
-    def put(self, model: EngineModel) -> None:
-        """Add a row with the present state of the model."""
+    @property
+    def rows(self) -> int:
+        """How many rows were added."""
+        return int(self._counts[ROWS])
+
+    def put(self, model: EngineModel, later: bool = False) -> None:
+        """Add a row with the present state of the model; a full chunk may be written later, by a thread."""
+        self.take_rows()
         chunk, step = self._chunk, model.completed
+        if chunk is not None and self.rows - self.writer.rows == chunk.capacity:  # Ctrl-C came before it was written
+            self.flush()
         self._check_gap(step)
         self._layout.prepare(model)
         signs = _signs_of_scenery(model)
@@ -108,11 +123,60 @@ class RowBuffer:
         state_hash = None
         if step // HASH_EVERY != self._hashed:
             state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
-        row = self.rows - self.writer.sealed.rows
+        row = self.rows - self.writer.rows
         chunk.put(model, row, state_hash, self._event_count)
-        self.rows, self._newest, self._event_count = self.rows + 1, step, len(model.events)
+        self._known, self.newest, self._event_count = self._known + 1, step, len(model.events)
+        self._counts[ROWS] = self._known
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
-            self.flush()
+            self.flush(later)
+
+    def find_kernel(self, model: EngineModel, ask: Callable[[], None]) -> tuple[str, Kernel | None]:
+        """Return why Python adds each row, empty if it does not, and what adds rows; None if the next begins a chunk.
+
+        `ask` is called for a row that Python is to add.
+        """
+        why = what_is_python(model, self._layout)
+        chunk = None if why else self._chunk_of(model)
+        kernel = None if chunk is None else chunk.kernel(model, self._counts, ask)
+        return why or ("" if chunk is None else chunk.why_not), kernel
+
+    def _chunk_of(self, model: EngineModel) -> Chunk | None:
+        """Return the chunk to which the next row belongs, None if it begins another one."""
+        chunk, row = self._chunk, self.next_row(model)
+        if chunk is None or row > self.newest + self._gap or _signs_of_scenery(model) != self._signs:
+            return None
+        return chunk if chunk.has_fields_of(model) else None
+
+    def next_row(self, model: EngineModel) -> int:
+        """Return the step of the next row."""
+        return model.completed + self._every - model.completed % self._every
+
+    def prepare(self, model: EngineModel) -> None:
+        """Let the kernel add the next rows, up to the first that has a state hash or is the last one of the chunk."""
+        counts, row = self._counts, self.next_row(model)
+        counts[BEFORE], counts[AFTER], counts[ASKED] = self.writer.rows, model.completed, row
+        if self._chunk is not None and row // HASH_EVERY == self._hashed:
+            last = row + (self._chunk.capacity - 1 - self.rows + self.writer.rows) * self._every
+            counts[ASKED] = min(last, -(-(self._hashed + 1) * HASH_EVERY // self._every) * self._every)
+
+    def put_asked(self, model: EngineModel) -> bool:
+        """Add a row for which the kernel has asked, and return whether the kernel may add those after it."""
+        chunk = self._chunk
+        self._counts[AFTER] = sys.maxsize  # if this fails, the step is taken to its end without a row
+        if self.newest < model.completed:
+            self.put(model, later=True)
+        if self._chunk is chunk:
+            self.prepare(model)
+        return self._chunk is chunk
+
+    def take_rows(self) -> None:
+        """Complete the rows that the kernel has added."""
+        rows, sealed = self.rows, self.writer.rows
+        if self._chunk is not None and self._known < rows:
+            self._chunk.complete(self._known - sealed, rows - sealed, self._event_count)
+            self.newest = int(self._chunk.steps[rows - sealed - 1])
+            self._event_count = int(self._chunk.event_counts[rows - sealed])
+            self._known = rows
 
     def end_chunk(self) -> None:
         """Write the pending rows; those to come are of another model."""
@@ -136,12 +200,17 @@ class RowBuffer:
         if self._moves and self._moves[-1].step == step:
             self._moves.pop()
 
-    def flush(self) -> None:
+    def flush(self, later: bool = False) -> None:
         """Write the pending rows as one chunk."""
-        pending = self.rows - self.writer.sealed.rows
+        self.take_rows()
+        pending = self.rows - self.writer.rows
         if self._chunk is not None and pending:
             self._write_moves()
-            self._write(self._chunk, pending)
+            if later:
+                write = partial(self._write, self._chunk.copy(pending), pending, self.writer.write_now)
+                self.writer.write_later(write, pending)
+            else:
+                self._write(self._chunk, pending, self.writer.write)
         self._written_at = perf_counter()
         if self._written_at - self._synced_at > MOST_SECONDS:
             self.writer.sync()
@@ -166,7 +235,7 @@ class RowBuffer:
             self.writer.attach(MOVES, moves_to_bytes(self._moves), self._moves[0].step)
             self._moves = []
 
-    def _write(self, chunk: Chunk, rows: int) -> None:
+    def _write(self, chunk: Chunk, rows: int, write: Callable[[pa.RecordBatch, int], None]) -> None:
         """Write the first rows of a chunk; if one has out-of-range values, write those before it and raise."""
         batch, first = chunk.batch(rows), int(chunk.steps[0])
         try:
@@ -174,9 +243,9 @@ class RowBuffer:
         except RecordingError:
             good = bisect_left(range(1, rows), True, key=lambda number: not _is_readable(chunk.batch(number)))
             if good:
-                self.writer.write(chunk.batch(good), first)
+                write(chunk.batch(good), first)
             raise
-        self.writer.write(batch, first)
+        write(batch, first)
 
     def _attach_change(self, model: EngineModel) -> None:
         """Write the present population, and the scenery if it has changed."""
@@ -194,9 +263,9 @@ class RowBuffer:
         self.attach(CHANGE, content, model.completed)
 
     def _check_gap(self, step: int) -> None:
-        if step > self._newest + self._gap:
+        if step > self.newest + self._gap:
             raise RecordingError(
-                f"{show_path(self.writer.path)} cannot continue at step {step} after step {self._newest}; "
+                f"{show_path(self.writer.path)} cannot continue at step {step} after step {self.newest}; "
                 f"expected at most {self._gap:,} steps from row to row; start another recording"
             )
 
@@ -214,7 +283,31 @@ def _is_readable(batch: pa.RecordBatch) -> bool:
     return True
 
 
-class Recorder(Observer):
+class RowDue(DueAfterwards):
+    """A recorder of which Python adds the row of a step, or stores the complete state after it.
+
+    Parameters
+    ----------
+    what : str
+    step : int
+        The first of these steps.
+    every : int
+        The most steps from one to the next, 0 if there is only this one.
+    """
+
+    def __init__(self, what: str, step: int, every: int = 0) -> None:
+        super().__init__(f"observer Recorder: {what}", every or MOST_STEPS)
+        self.step, self.is_one = step, not every
+
+    def first_after(self, completed: int) -> int:
+        """Return the step."""
+        return self.step
+
+    def __str__(self) -> str:
+        return self.what if self.is_one else super().__str__()
+
+
+class Recorder(DrivenObserver):
     """Writes the model to a file after its steps; made by `record`, and closed by `close`, at exit, or as a context.
 
     Parameters
@@ -259,6 +352,9 @@ class Recorder(Observer):
         self._detector = ChangeDetector(model)
         self._replacements: list[str] = []  # what a model that has taken the place of another differs in
         self._unwritten: EngineModel | None = None
+        self._driven: EngineModel | None = None  # one of which a compiled call takes steps
+        self._kernel: Kernel | None = None
+        self._failure: Exception | None = None  # to write a row, within a compiled call
         self._first_step = model.completed  # the steps that were completed when the present one began
         self._observers = model.observers
         self._observers.append(self)
@@ -284,8 +380,11 @@ class Recorder(Observer):
 
     def before_step(self, model: EngineModel) -> None:
         """Store the state if it was changed by hand since the last step; called by the model before each step."""
-        if self.closed:
-            return
+        if not self.closed:
+            self._note_changes(model, model.steps - 1)
+
+    def _note_changes(self, model: EngineModel, steps: int) -> None:
+        """Store the state, after this number of steps that Mesa has counted, if it was changed by hand."""
         self._first_step = model.completed
         what, self._replacements = self._replacements or self._detector.changes(model), []
         moved_rows = self._detector.find_moved(model) if what == [POSES] else None
@@ -293,7 +392,7 @@ class Recorder(Observer):
             self._write_or_stop(self._buffer.note, move_of(model, moved_rows, len(self._checkpoints.steps)))
         elif what:
             model.parts.robots.forget_readings()  # as without a recorder: columns may have been written directly
-            self._write_or_stop(self._checkpoints.put_intervention, model, what, self._buffer)
+            self._write_or_stop(self._checkpoints.put_intervention, model, steps, what, self._buffer)
 
     def after_step(self, model: EngineModel, step: int) -> None:
         """Note that a row is due; called by the model before a derived class may do more in this step.
@@ -331,6 +430,55 @@ class Recorder(Observer):
             self._write_or_stop(self._checkpoints.put, model, self._buffer)
         self._detector = ChangeDetector(model)
 
+    def list_due(self, model: EngineModel) -> Iterator[Due]:
+        """Yield in which step Python is due next: to add a row of itself, or to store the complete state."""
+        if self.closed:
+            return
+        why, self._kernel = self._buffer.find_kernel(model, partial(_ask, weakref.ref(self), weakref.ref(model)))
+        if why:
+            yield RowDue(why, self._buffer.next_row(model), self.every)
+        elif self._kernel is None:
+            yield RowDue("the next row begins a chunk", self._buffer.next_row(model))
+        if self._checkpoints.every:
+            step = max(self._checkpoints.next_step, model.completed + 1)
+            yield RowDue("checkpoints", step, self._checkpoints.every)
+
+    def before_stretch(self, model: EngineModel, steps: int) -> None:
+        """Store the state if it was changed by hand, before a compiled call; its kernel adds rows to the buffer."""
+        if not self.closed:
+            self._driven = model
+            self._note_changes(model, model.steps)
+            self._buffer.prepare(model)
+
+    def kernel(self, model: EngineModel) -> Kernel | None:
+        """Return what adds rows, which `list_due` has found."""
+        return None if self.closed else self._kernel
+
+    def _put_asked(self, model: EngineModel) -> None:
+        """Add a row for which the kernel has asked; an error is raised when the step is over, which has begun."""
+        try:
+            goes_on = self._buffer.put_asked(model)
+        except (RecordingError, OSError) as error:
+            self._failure, goes_on = error, False
+        if not goes_on:
+            model.driving.flag[:] = True
+
+    def after_stretch(self, model: EngineModel) -> None:
+        """Record what is due after a compiled call.
+
+        Raises
+        ------
+        RecordingError, OSError
+            If a row could not be written during the call.
+        """
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            self._abandon()
+            raise failure
+        if not self.closed:
+            self._write_or_stop(self._buffer.writer.finish)
+        self.between_steps(model)
+
     def after_run(self, model: EngineModel, steps: int) -> None:
         """Write the pending rows, so that they can be read, unless the run was short; called at the end of `run`."""
         if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
@@ -345,9 +493,18 @@ class Recorder(Observer):
         self._write_or_stop(self._buffer.end_chunk)
 
     def _put_row(self) -> None:
+        driven, self._driven = self._driven, None
+        if driven is not None and self._lacks_row(driven):
+            self._unwritten = driven
         model, self._unwritten = self._unwritten, None
         if model is not None:
             self._write_or_stop(self._buffer.put, model)
+
+    def _lacks_row(self, model: EngineModel) -> bool:
+        """Return whether the last row of a compiled call is due, which it leaves to Python."""
+        self._buffer.take_rows()
+        is_new = model.completed > max(self._first_step, self._buffer.newest)
+        return is_new and self._trigger.is_due(model.completed)
 
     def _write_or_stop(self, write: Callable, *arguments: object) -> None:
         """Write, and stop recording if that fails."""
@@ -405,6 +562,11 @@ class Recorder(Observer):
         self._buffer.writer.abandon()
 
 
+def _ask(recorder: Callable[[], Recorder | None], model: Callable[[], EngineModel | None]) -> None:
+    """Let a recorder add a row: a kernel of its buffer that held it would keep both for ever."""
+    recorder()._put_asked(model())  # type: ignore[union-attr, arg-type]
+
+
 class _Checkpoints:
     """Complete states at intervals of at most `every` steps, 0 for none; each has what was collected since the last.
 
@@ -415,7 +577,7 @@ class _Checkpoints:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
         self.next_step = 0 if every else sys.maxsize
-        self._every = every
+        self.every = every
         self.warned = False  # that states are not stored
         self._control = control_to_json(model.control)
         self._processes, self._kinds = {*model.parts.processes.numbered}, {*model.agents_by_type}
@@ -427,17 +589,17 @@ class _Checkpoints:
         """Store the present state of the model, unless it cannot be stored."""
         self.attach(model, self.fitting(self.content(model, model.steps), buffer), buffer)
 
-    def put_intervention(self, model: EngineModel, what: list[str], buffer: RowBuffer) -> None:
-        """Store what was changed before the step that Mesa has just counted, and the state after the change."""
-        content = self.fitting(self.content(model, model.steps - 1), buffer)
+    def put_intervention(self, model: EngineModel, steps: int, what: list[str], buffer: RowBuffer) -> None:
+        """Store what was changed after this number of steps that Mesa has counted, and the state after the change."""
+        content = self.fitting(self.content(model, steps), buffer)
         buffer.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
         self.attach(model, content, buffer)
 
     def content(self, model: EngineModel, steps: int) -> bytes:
         """Return the state as bytes; no bytes, and set `why_not`, if it cannot be stored in any file."""
-        if not self._every:
+        if not self.every:
             return b""
-        self.next_step = model.completed + self._every
+        self.next_step = model.completed + self.every
         try:
             self._check_control(model)
             self._check_classes(model)
@@ -467,7 +629,7 @@ class _Checkpoints:
             self._since = lengths_of(model)
             self._collected += self._more
             self.steps.append(model.completed)
-        elif self._every and not self.warned:
+        elif self.every and not self.warned:
             self.warned = True
             name, step = type(model).__name__, model.completed
             text = f"the state of {name} after step {step} cannot be stored in its recording: "
@@ -516,9 +678,10 @@ def record(
     """Write the model after each of the next steps to a file, from which `Recording` reads.
 
     The file is an Arrow IPC stream, compressed with zstd, one row a step, which any Arrow reader opens. Rows
-    are written in chunks of at most 256 rows, 2 MB or a second; a program that is killed loses at most the
-    chunk that was not written yet. At the end of a `model.run` of ten steps or more all rows are in the file and can be
-    read, though it is still open; after shorter runs, and after `model.step`, `Recorder.flush` writes them.
+    are written in chunks of at most 256 rows, 2 MB or a second, by a thread while a compiled call takes more steps; a
+    program that is killed loses at most the chunks that were not written yet. At the end of a `model.run` of ten steps
+    or more all rows are in the file and can be read, though it is still open; after shorter runs, and after
+    `model.step`, `Recorder.flush` writes them.
 
     A row is the state of the model at the end of a step. Its readings are those for its own poses; those on which its
     commands and layers were decided are in the row of the step before.

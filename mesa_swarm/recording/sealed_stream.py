@@ -12,12 +12,13 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cached_property
 from io import FileIO
 from itertools import pairwise
 from pathlib import Path
+from threading import Lock, Thread
 from typing import NamedTuple
 
 import numpy as np
@@ -54,8 +55,9 @@ ALWAYS_ALLOWED, MOST_PACKED = 1 << 25, 64
 SLACK = 1 << 16
 # The files that this process writes: a recorder that was left open, as in a notebook, yields to the next.
 OWN: set[tuple[int, int]] = set()
-# Level 1: higher ones cost a step more than they save on disk.
-ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1))
+# Level 1: higher ones cost a step more than they save on disk. Without threads: to wait for these takes longer than to
+# compress the few hundred kB of a chunk.
+ZSTD = pa.ipc.IpcWriteOptions(compression=pa.Codec("zstd", compression_level=1), use_threads=False)
 PLAIN = pa.ipc.IpcWriteOptions()
 
 
@@ -78,12 +80,61 @@ class Piece(NamedTuple):
     step: int
 
 
+class LaterPiece:
+    """A piece that a thread of its own writes, unless that has not begun when the piece is needed.
+
+    Parameters
+    ----------
+    write : callable
+        Writes it; if it is interrupted by Ctrl-C, it may be called again.
+    rows : int
+        Those of the stream when it is written.
+    """
+
+    def __init__(self, write: Callable[[], None], rows: int) -> None:
+        self.rows = rows
+        self._write, self._lock, self._is_done = write, Lock(), False
+        self._error: Exception | None = None
+
+    def begin(self) -> None:
+        """Let a thread write the piece; where no thread can be had, `finish` does."""
+        with suppress(RuntimeError):
+            Thread(target=self._run, name="recording").start()
+
+    def _run(self) -> None:
+        with self._lock:
+            if self._is_done:
+                return
+            try:
+                self._write()
+            except Exception as error:
+                self._error = error
+            self._is_done = True
+
+    def finish(self) -> None:
+        """Wait until the piece is written, and raise what its writing has raised."""
+        self._run()
+        if self._error is not None:
+            raise self._error
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether it is to be written yet, as after Ctrl-C."""
+        return not self._is_done
+
+    def drop(self) -> None:
+        """Do not write the piece, unless it is written."""
+        with self._lock:
+            self._is_done = True
+
+
 class SealedWriter:
     """Writes a sealed stream, piece by piece; a piece that cannot be written leaves no trace.
 
     A stream that replaces a file (`overwrite`) is written beside it, and takes its name when its first piece with rows
     is on the disk, or when it is closed: until then the old file is untouched. As long as it is open no other process
-    can replace it. `sealed` is replaced at once when a piece is on disk: an interrupt cannot leave half an update.
+    can replace it. `sealed` is replaced at once when a piece is on disk: an interrupt cannot leave half an update. A
+    piece that is to be written later is written before anything else is.
     """
 
     def __init__(self, path: Path, schema: pa.Schema, overwrite: bool) -> None:
@@ -97,6 +148,7 @@ class SealedWriter:
         self._owner = os.getpid()
         OWN.add(self._identity)
         self.sealed = Sealed(0, 0)
+        self._later: LaterPiece | None = None
         try:
             self._append(_stream_of(schema), 0, 0)
         except BaseException:
@@ -113,18 +165,58 @@ class SealedWriter:
         """Whether the file has the stream's name, and is not a draft beside an older file of that name."""
         return self._place is None
 
+    @property
+    def rows(self) -> int:
+        """How many rows were written, or are to be written later."""
+        later = self._later
+        return self.sealed.rows if later is None else later.rows
+
     def write(self, batch: pa.RecordBatch, step: int) -> None:
         """Write a piece whose first row is of this step."""
+        self.finish()
+        self.write_now(batch, step)
+
+    def write_now(self, batch: pa.RecordBatch, step: int) -> None:
+        """Do so without waiting for what is written later: for the thread that writes it."""
         self._append(self._message(batch), batch.num_rows, step)
         self._take_name()
 
+    def write_later(self, write: Callable[[], None], rows: int) -> None:
+        """Let a thread of its own write a piece of some rows, by a function that calls `write_now`."""
+        self.finish()
+        end = self.sealed.rows + rows
+
+        def write_once() -> None:
+            if self.sealed.rows < end:  # else Ctrl-C came just after it was written
+                write()
+
+        self._later = LaterPiece(write_once, end)
+        self._later.begin()
+
+    def finish(self) -> None:
+        """Wait for a piece that is written later.
+
+        Raises
+        ------
+        RecordingError
+            If it could not be written.
+        """
+        later = self._later
+        if later is not None:
+            try:
+                later.finish()
+            finally:
+                self._later = later if later.is_pending else None
+
     def attach(self, name: str, content: bytes, step: int) -> None:
         """Write a piece without rows that contains these bytes, which other tools ignore."""
+        self.finish()
         words = base64.b64encode(content)  # metadata are texts for other readers
         self._append(self._message(self._empty, {name: words}), 0, step)
 
     def sync(self) -> None:
         """Synchronise the file to disk, so that it survives a power cut."""
+        self.finish()
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
@@ -135,6 +227,7 @@ class SealedWriter:
         if self.closed:
             return
         try:
+            self.finish()
             self._put(END_OF_STREAM)
             self._take_name()
             self.sync()
@@ -145,6 +238,8 @@ class SealedWriter:
 
     def abandon(self) -> None:
         """Close the file as it is, with everything sealed so far; one without rows is deleted."""
+        if self._later is not None:
+            self._later.drop()
         if not self.closed and not (self.is_in_place and self.sealed.rows):
             discard(self._file)
         self._release()
@@ -165,8 +260,10 @@ class SealedWriter:
         self.sealed = Sealed(self.sealed.end + len(message) + len(seal), self.sealed.rows + rows)
 
     def _message(self, batch: pa.RecordBatch, metadata: dict | None = None) -> bytes:
+        if not batch.num_rows:  # nothing to compress, which would take ten times as long
+            return _stream_of(self._bare, batch, metadata, PLAIN)[self._head :]
         message = _stream_of(self._bare, batch, metadata)[self._head :]
-        if batch is not None and batch.nbytes > _find_most_bytes(message):  # readers accept that much only uncompressed
+        if batch.nbytes > _find_most_bytes(message):  # readers accept that much only uncompressed
             return _stream_of(self._bare, batch, metadata, PLAIN)[self._head :]
         return message
 

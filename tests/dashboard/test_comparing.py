@@ -163,7 +163,7 @@ def test_the_lines_of_long_runs_are_drawn_from_few_numbers_at_their_steps():
         pair.step()
     steps, numbers = series_of_pair(pair)[1]["collisions"][:2]
     assert 10 < len(steps) == len(numbers) <= 50
-    assert (steps % pair.sides[1].series.every == 0).all()
+    assert (steps % pair.sides[1].series.row_every == 0).all()
     assert curves_png(series_of_pair(pair), ("A", "B")).startswith(b"\x89PNG")
     pair.close()
     assert series_of_pair(pair) == ({}, {})

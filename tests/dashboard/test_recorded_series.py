@@ -101,8 +101,8 @@ def test_long_recordings_are_thinned_to_exact_rows(fires):
     path, live, *_ = fires
     recorded = read(path, most_numbers=300)
     steps, rows = recorded.rows("total_collisions")
-    assert 5 < len(steps) <= 60 // recorded.every + 1
-    assert recorded.every > 1
+    assert 5 < len(steps) <= 60 // recorded.row_every + 1
+    assert recorded.row_every > 1
     live_steps, numbers = live.rows("total_collisions")
     assert rows.tolist() == numbers[np.isin(live_steps, steps)].tolist()
     assert recorded.collisions_of(np.array([1]), STEPS - 1) is not None or recorded._colliding is None
@@ -141,7 +141,7 @@ def test_a_recording_of_every_tenth_step_has_no_sums_that_would_be_wrong(tmp_pat
         model.run(50)
     recorded = read(tmp_path / "run")
     assert "total_collisions" not in {chart.key for chart in recorded.charts()}
-    assert (recorded.every, recorded.rows("collisions")[0].tolist()) == (10, [10, 20, 30, 40, 50])
+    assert (recorded.row_every, recorded.rows("collisions")[0].tolist()) == (10, [10, 20, 30, 40, 50])
     assert recorded.collisions_until(4) is None
     assert recorded.collisions_of(np.array([1]), 4) is None
 

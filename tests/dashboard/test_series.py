@@ -54,9 +54,9 @@ def test_long_runs_are_thinned_to_exact_numbers_of_every_so_many_steps():
     model.run(2_000)
     steps, rows = series.rows("total_collisions")
     assert 50 < len(steps) <= 100
-    assert series.every == 2 ** round(np.log2(series.every)) > 8
-    assert (steps % series.every == 0).all()
-    assert np.diff(steps).tolist() == [series.every] * (len(steps) - 1)
+    assert series.row_every == 2 ** round(np.log2(series.row_every)) > 8
+    assert (steps % series.row_every == 0).all()
+    assert np.diff(steps).tolist() == [series.row_every] * (len(steps) - 1)
     collected = np.array(model.datacollector.model_vars["total_collisions"])
     assert rows[:, 0].tolist() == collected[steps - 1].tolist()
 

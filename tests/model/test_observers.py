@@ -2,12 +2,18 @@
 
 import pickle
 from copy import deepcopy
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from mesa_swarm import SwarmModel
-from mesa_swarm.base.errors import InvalidValueError
+from mesa_swarm import AGENT9, SwarmModel, process
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError
+from mesa_swarm.base.trigger import Trigger
+from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.model.observers import HOOKS, Observer, Observers
+from support.driven_models import taken
+from support.recorded_twice import steps_driven
 
 
 class Diary(Observer):
@@ -210,3 +216,124 @@ def test_copies_of_a_model_have_no_observers():
         assert isinstance(copy.observers, Observers)
         assert copy.run(1).completed == 1
     assert model.completed == 0
+
+
+# ---- observers of some steps
+
+
+class Seldom(Diary):
+    """Called around every fourth step."""
+
+    every = 4
+
+
+class Rare(Counter):
+    """Of a user, derived from nothing, with a property."""
+
+    @property
+    def every(self):
+        return 10
+
+
+def test_an_observer_with_an_interval_is_called_around_the_steps_that_it_divides_only():
+    diary = Seldom()
+    observed(diary).run(9)
+    calls = [("before_step", 3), ("after_step", 4), ("between_steps", 4)]
+    calls += [("before_step", 7), ("after_step", 8), ("between_steps", 8)]
+    assert diary.entries == [*calls, ("after_run", 9)]
+
+
+def test_single_steps_call_an_observer_with_an_interval_as_a_run_does():
+    one, other = Seldom(), Seldom()
+    observed(one).run(25)
+    taken(observed(other), 25)
+    assert [entry for entry in one.entries if entry[0] != "after_run"] == other.entries
+
+
+def test_observers_with_several_intervals_are_called_in_their_order():
+    calls = []
+
+    def observer(every):
+        return SimpleNamespace(every=every, after_step=lambda model, step: calls.append((every, step)))
+
+    model = SwarmModel(rng=1)
+    model.observers.extend([observer(6), observer(4), observer(1)])
+    model.run(12)
+    assert [call for call in calls if call[1] == 12] == [(6, 12), (4, 12), (1, 12)]
+    assert {every: sum(call[0] == every for call in calls) for every in (6, 4, 1)} == {6: 2, 4: 3, 1: 12}
+
+
+def test_the_steps_between_those_of_an_observer_are_taken_in_one_compiled_call():
+    rare = Rare()
+    with steps_driven() as numbers:
+        model = observed(rare)
+        plan = str(model.plan)
+        model.run(35)
+    assert rare.steps == [10, 20, 30]
+    assert numbers == [9, 9, 9, 5]
+    assert "besides: observer Rare, every 10 steps" in plan
+    assert plan.endswith("driven: up to 9 steps in one compiled call, then one in Python")
+
+
+def test_an_observer_of_each_step_has_every_step_taken_by_itself():
+    with steps_driven() as numbers:
+        observed(Counter(), observed(Rare())).run(35)
+    assert not numbers
+
+
+def test_what_an_observer_with_an_interval_changes_counts_as_in_single_steps():
+    class Pusher(Seldom):
+        def between_steps(self, model):
+            model.robots[0].position = (30.0 + model.completed, 40.0)
+
+    def make():
+        model = SwarmModel(rng=1)
+        model.add_robots(AGENT9, 5)
+        model.control = Subsumption(Explore())
+        return observed(Pusher(), model)
+
+    assert make().run(50).state_hash() == taken(make(), 50).state_hash()
+
+
+def test_a_step_that_fails_is_reported_to_an_observer_of_other_steps_too():
+    diary = Seldom()
+    with pytest.raises(RuntimeError, match="broken"):
+        observed(diary, Failing(rng=1)).run(5)
+    assert diary.entries == [("after_failure", 2), ("close",)]
+
+
+@process(memory={"t": 0.0})
+def fail_late(t, position, step):
+    if step == 6:
+        t[0] = position[99, 0]
+
+
+def test_a_step_that_fails_within_a_compiled_call_is_reported_once():
+    diary, model = Seldom(), SwarmModel(rng=1)
+    model.add_robots(AGENT9, 5)
+    model.add_process(fail_late)
+    with pytest.raises(BehaviourError):
+        observed(diary, model).run(30)
+    assert diary.entries[3:] == [("after_failure", 5), ("close",)]
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 2.5, "x", [3], True, float("nan"), 2**40, Counter.__init__])
+def test_an_interval_that_is_not_a_whole_number_from_1_is_refused_in_one_line_and_the_list_stays(wrong):
+    counter = Counter()
+    model = observed(counter)
+    odd = Counter()
+    odd.every = wrong
+    with pytest.raises(InvalidValueError, match=r"^every of observer Counter is .*; expected a whole number") as caught:
+        model.observers.append(odd)
+    assert "\n" not in str(caught.value)
+    assert model.observers == [counter]
+    assert model.run(3).steps == 3
+    assert counter.steps == [1, 2, 3]
+
+
+@pytest.mark.parametrize("every", [np.int64(5), 5.0, Trigger(every=5), None])
+def test_an_interval_may_be_any_whole_number_or_a_trigger_and_none_is_each_step(every):
+    counter = Counter()
+    counter.every = every
+    observed(counter).run(11)
+    assert counter.steps == ([5, 10] if every is not None else list(range(1, 12)))

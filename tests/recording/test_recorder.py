@@ -219,7 +219,7 @@ def test_ctrl_c_closes_the_recording_of_a_run(tmp_path, monkeypatch):
     monkeypatch.setattr(RobotsPart, "move", interrupted)
     model.parts.replan()
     with pytest.raises(KeyboardInterrupt):
-        model.run(20)
+        model.run(20, until=lambda model: False)  # which makes Python due in each step
     assert recorder.closed
     assert Recording(tmp_path / "run.arrow").complete
     assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, 8))

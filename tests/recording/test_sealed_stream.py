@@ -13,7 +13,7 @@ import pytest
 from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
-from mesa_swarm.recording.sealed_stream import END_OF_STREAM, SealedReader
+from mesa_swarm.recording.sealed_stream import END_OF_STREAM, SealedReader, SealedWriter
 
 ENDLESS = """
 import sys
@@ -221,3 +221,57 @@ def test_runs_killed_at_thirty_moments_keep_all_chunks_that_were_written(tmp_pat
     draw = random.Random(3)
     for number in range(30):
         check_killed(tmp_path / f"{number}.arrow", draw.uniform(0.0, 0.8))
+
+
+# ---- pieces that a thread writes
+
+
+def batch_of(*numbers):
+    return pa.record_batch([pa.array(numbers)], ["n"])
+
+
+def test_a_piece_that_is_written_later_stands_before_whatever_is_written_after_it(tmp_path):
+    writer = SealedWriter(tmp_path / "stream.arrow", batch_of(1).schema, overwrite=False)
+
+    def write():
+        time.sleep(0.05)
+        writer.write_now(batch_of(1, 2), 1)
+
+    writer.write_later(write, 2)
+    assert writer.rows == 2
+    writer.write(batch_of(3), 3)
+    writer.write_later(write, 2)
+    writer.attach("moves", b"left", 4)
+    assert (writer.rows, writer.sealed.rows) == (5, 5)
+    writer.write_later(write, 2)
+    writer.close()
+    reader = SealedReader(tmp_path / "stream.arrow")
+    assert [(piece.rows, piece.step) for piece in reader.pieces] == [(2, 1), (1, 3), (2, 1), (2, 1)]
+    assert reader.attached[0].begin > reader.pieces[2].begin
+    assert reader.complete
+
+
+def test_what_a_thread_could_not_write_is_raised_by_whatever_comes_next_and_once(tmp_path):
+    writer = SealedWriter(tmp_path / "stream.arrow", batch_of(1).schema, overwrite=False)
+
+    def fail():
+        raise RecordingError("disk full")
+
+    for after in (lambda: writer.write(batch_of(1), 1), lambda: writer.attach("moves", b"", 1), writer.sync):
+        writer.write_later(fail, 1)
+        with pytest.raises(RecordingError, match="disk full"):
+            after()
+        assert writer.rows == 0
+    writer.write(batch_of(1), 1)
+    writer.close()
+    assert [piece.rows for piece in SealedReader(tmp_path / "stream.arrow").pieces] == [1]
+
+
+def test_a_stream_that_is_abandoned_waits_for_its_thread_and_writes_no_more(tmp_path):
+    writer = SealedWriter(tmp_path / "stream.arrow", batch_of(1).schema, overwrite=False)
+    writer.write_later(lambda: (time.sleep(0.05), writer.write_now(batch_of(1, 2), 1)), 2)
+    writer.abandon()
+    assert writer.closed
+    size = (tmp_path / "stream.arrow").stat().st_size if (tmp_path / "stream.arrow").exists() else 0
+    time.sleep(0.1)
+    assert ((tmp_path / "stream.arrow").stat().st_size if size else 0) == size

@@ -62,7 +62,7 @@ class ChartTable(ABC):
     """The numbers of charts, one row a step: of a run that is played, or of a recording; `most_numbers` are stored."""
 
     # Steps from one stored row to the next.
-    every = 1
+    row_every = 1
     # In which row a chart last had no number, and why, by key.
     faults: Mapping[str, str] = MappingProxyType({})
 
@@ -152,7 +152,7 @@ class Series(ChartTable, Observer):
     """Numbers of a model after every step: its reporters, robots at fires, driving layers.
 
     Call `follow` with a model before its first step. When the memory is full, every second row is dropped:
-    the remaining rows are exact, of the steps that are multiples of `every`.
+    the remaining rows are exact, of the steps that are multiples of `row_every`.
     """
 
     # Steps in which each robot collided, by `Swarm.number`, which stays when others are removed.
@@ -195,13 +195,13 @@ class Series(ChartTable, Observer):
         """Count collisions of each robot, and measure, if a row is due; called by the model."""
         with self._lock:
             self._count_collisions(model)
-            if step % self.every:
+            if step % self.row_every:
                 return
             if self._form != form_of(model):
                 self._measure_anew(model)
             if self._count == len(self._steps):
                 self._make_room()
-            if step % self.every == 0:
+            if step % self.row_every == 0:
                 numbers, faults = measure(model)
                 self._put(step, numbers)
                 self.faults = {**self.faults, **{key: f"no number in step {step}: {faults[key]}" for key in faults}}
@@ -243,7 +243,7 @@ class Series(ChartTable, Observer):
         self._arrange(charts_of(model))
 
     def _forget(self) -> None:
-        self.every, self._count, self.since, self.faults = 1, 0, 0, {}
+        self.row_every, self._count, self.since, self.faults = 1, 0, 0, {}
         self._collided = np.empty(0, np.int64)
         self._steps = np.empty(0, np.int64)
         self._charts, self._tables = {}, {}
@@ -257,8 +257,8 @@ class Series(ChartTable, Observer):
             for key, table in self._tables.items():
                 self._tables[key] = np.concatenate([table, np.full((more, table.shape[1]), np.nan)])
             return
-        self.every *= 2
-        remaining = np.flatnonzero(self._steps[: self._count] % self.every == 0)
+        self.row_every *= 2
+        remaining = np.flatnonzero(self._steps[: self._count] % self.row_every == 0)
         self._count = len(remaining)
         for stored in (self._steps, *self._tables.values()):
             stored[: self._count] = stored[remaining]
@@ -476,7 +476,7 @@ class RecordedSeries(ChartTable):
         while -(-self._rows // stride) * width > self.most_numbers:
             stride *= 2
         with self._lock:
-            self.every, self._stride = self._spacing * stride, stride
+            self.row_every, self._stride = self._spacing * stride, stride
             self._steps = np.zeros(-(-self._rows // stride), np.int64)
             self._arrange(charts)
 

@@ -138,7 +138,7 @@ class TimeContent:
             "colours": "layers" if chart.key == "layers" else "series",
             "points": len(curves.steps),
             "banded": curves.width > 1,
-            "every": self.series.every,
+            "every": self.series.row_every,
             "row": row_json(self.row),
             "note": "; ".join(filter(None, [self.series.faults.get(chart.key, ""), self.y.note])),
             **axes_json(self.x, replace(self.y, label=chart.unit or chart.title)),  # the name is above
