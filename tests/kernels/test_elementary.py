@@ -223,9 +223,9 @@ def test_compiled_functions_of_a_user_take_truths_and_arrays_to_write_to_as_befo
 
 def test_compiled_helpers_of_a_user_get_them_too():
     @njit
-    def helper(x):
+    def sine_of(x):
         return math.sin(x)
 
-    compiled = compile_custom(lambda x: helper(x) + 0.0)
+    compiled = compile_custom(lambda x: sine_of(x) + 0.0)
     for x in np.random.default_rng(4).uniform(-9.0, 9.0, 200).tolist():
         assert compiled(x) == own.sin(x)
