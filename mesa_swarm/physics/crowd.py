@@ -46,7 +46,8 @@ class CrowdArrays(NamedTuple):
     grid holds rows ``start[c]`` to ``start[c + 1]``. Within a cell they ascend by row of the swarm, so that the order
     follows from the places alone. `cell_of`, `reference`, `radii` and `numbers` are the cell of each, its place when
     they were sorted, radius and number; `places` and `before` where it is now, and was before this piece of the step;
-    `free` whether it is clear of static bodies; `rows` are 0 to n - 1; `scratch` is that of separating robots.
+    `free` whether it is clear of static bodies; `rows` are 0 to n - 1. `directions`, by row of the swarm, are headings
+    with cosine and sine, see `recall_direction`; `scratch` is that of separating robots.
     """
 
     position: RealRows
@@ -64,6 +65,7 @@ class CrowdArrays(NamedTuple):
     free: Flags
     contacts: ContactArrays
     rows: Integers
+    directions: RealRows
     scratch: PushArrays
 
     @classmethod
@@ -74,8 +76,9 @@ class CrowdArrays(NamedTuple):
         reference, radii, numbers = np.zeros((n, 2)), np.zeros(n), np.zeros(n, np.int64)
         places, before, free = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n, np.bool_)
         sorted_arrays = start, order, cell_of, reference, radii, numbers
-        others = places, before, free, ContactArrays.of(n), np.arange(n), PushArrays.of(n)
-        return cls(position, radius, number, grid, *sorted_arrays, *others)
+        contacts, rows, directions = ContactArrays.of(n), np.arange(n), np.full((n, 3), np.nan)
+        others = contacts, rows, directions, PushArrays.of(n)
+        return cls(position, radius, number, grid, *sorted_arrays, places, before, free, *others)
 
 
 class PairArrays(NamedTuple):

@@ -5,11 +5,8 @@ What is left is looked at exactly; nothing that a sensor would read may be sorte
 """
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
 
 from mesa_swarm.geometry import Bounds
 from mesa_swarm.kernels.compiled import compiled
@@ -18,13 +15,13 @@ from mesa_swarm.robots.design import AXIS_X, AXIS_Y, COS_HALF, MOUNT_X, MOUNT_Y,
 # Sensors of a group; bits of an integer mark some of them.
 LANES = 8
 # Fields of a group. Three sides of a narrow sector: the normal of each, outwards, and how far along it nothing is seen
-# from there on; mounts; and ranges.
+# from there on, 0 and infinite for a sector of more than half a circle; mounts; and ranges.
 LEFT_X, LEFT_Y, LEFT, RIGHT_X, RIGHT_Y, RIGHT, BACK_X, BACK_Y, BACK, AT_X, AT_Y, FAR, FIELDS = range(13)
 # How far beside its sector, in radii of the largest robot and in sizes of what is near, a body has to be: farther than
 # rounding and touch reach.
 OF_RADIUS, OF_SIZE = 1e-3, 1e-9
-# Of squares, for the same reason.
-LARGER = 1.0 + 1e-6
+# Of squares, and of lengths, for the same reason.
+LARGER, SLACK = 1.0 + 1e-6, 1e-6
 
 
 def groups_of(count: int) -> int:
@@ -72,7 +69,8 @@ def fields_of_sectors(sensors: np.ndarray, clearance: float) -> np.ndarray:
     wide = np.where(sensors[:, COS_HALF] < 0.0, np.inf, 0.0)
     sides = []
     for normal in (cosine * across - sine * axis, -cosine * across - sine * axis, -axis):
-        sides += [normal, np.sum(normal * mount, axis=1) + clearance + wide]
+        outwards = np.where(cosine < 0.0, 0.0, normal)
+        sides += [outwards, np.sum(outwards * mount, axis=1) + clearance + wide]
     return np.column_stack([*sides, mount, sensors[:, RANGE]])
 
 
@@ -83,28 +81,21 @@ def lanes_at_edge(table, group, near, k, g, ax, ay, bx, by, clearance):
     The edge is in the frame of the robot, of whose readings those of the group are ``near[k, g]``.
     """
     dx, dy = bx - ax, by - ay
-    side, square, lanes = ax * dy - ay * dx, LARGER * (dx * dx + dy * dy), 0
+    side, length, lanes = ax * dy - ay * dx, math.sqrt(dx * dx + dy * dy), 0
+    slack = SLACK * length
     for s in range(LANES):
-        x, y = table[group, LEFT_X, s], table[group, LEFT_Y, s]
-        left = min(x * ax + y * ay, x * bx + y * by) - table[group, LEFT, s]
-        x, y = table[group, RIGHT_X, s], table[group, RIGHT_Y, s]
-        right = min(x * ax + y * ay, x * bx + y * by) - table[group, RIGHT, s]
-        x, y = table[group, BACK_X, s], table[group, BACK_Y, s]
-        behind = min(x * ax + y * ay, x * bx + y * by) - table[group, BACK, s]
-        across, limit = (
-            side - (table[group, AT_X, s] * dy - table[group, AT_Y, s] * dx),
-            max(near[k, g, s], clearance),
-        )
-        beyond = across * across - limit * limit * square
+        left_x, left_y = table[group, LEFT_X, s], table[group, LEFT_Y, s]
+        right_x, right_y = table[group, RIGHT_X, s], table[group, RIGHT_Y, s]
+        back_x, back_y = table[group, BACK_X, s], table[group, BACK_Y, s]
+        left = min(left_x * ax + left_y * ay, left_x * bx + left_y * by) - table[group, LEFT, s]
+        right = min(right_x * ax + right_y * ay, right_x * bx + right_y * by) - table[group, RIGHT, s]
+        behind = min(back_x * ax + back_y * ay, back_x * bx + back_y * by) - table[group, BACK, s]
+        across = side - (table[group, AT_X, s] * dy - table[group, AT_Y, s] * dx)
+        x, y = (dx, dy) if across >= 0.0 else (-dx, -dy)
+        # The line is nearest at its foot, if that is within the sector, else along the left or the right side of it.
+        outside = max(left_x * y - left_y * x, right_x * y - right_y * x, back_x * y - back_y * x)
+        along_sides = max(left_x * x + left_y * y, -right_x * x - right_y * y)
+        nearing = (length if outside <= slack else along_sides) + slack
+        beyond = abs(across) - max(near[k, g, s] * nearing, clearance * length)
         lanes |= np.int64(not max(left, right, behind, beyond) > 0.0) << s
     return lanes
-
-
-@intrinsic
-def lowest_bit(typing_context: Any, lanes: Any) -> Any:
-    """Return the place of the lowest bit of an integer other than 0; for compiled functions."""
-
-    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.cttz(*values, context.get_constant(types.boolean, True))
-
-    return types.int64(types.int64), code

@@ -8,13 +8,15 @@ import numpy as np
 from mesa_swarm.geometry.grid import CellLists, cell_at, cell_index
 from mesa_swarm.geometry.overlap import is_in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
+from mesa_swarm.kernels.bits import lowest_bit
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import direction_of, hypot
 from mesa_swarm.kernels.type_names import CodeRows, Codes, IntegerRows, Integers, RealRows, Reals, RealTables
+from mesa_swarm.physics.arcs import recall_direction
 from mesa_swarm.physics.crowd import CrowdArrays
 from mesa_swarm.physics.driven_bodies import MoverArrays
-from mesa_swarm.physics.sector_tables import FAR, LANES, LARGER, groups_of, lanes_at_edge, lowest_bit
+from mesa_swarm.physics.sector_tables import FAR, LANES, LARGER, groups_of, lanes_at_edge
 from mesa_swarm.robots.design import (
     AXIS_X,
     AXIS_Y,
@@ -143,7 +145,7 @@ def sense_proximity(eyes, crowd, movers, first, last, pairs):
 @compiled
 def _begin_chunk(eyes, crowd, begin, end):
     """Begin the readings of some robots with the range of each sensor: nothing farther is seen."""
-    e, order = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays).order
+    e, order, known = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays).order, unpack(crowd, CrowdArrays).directions
     heading, design, table, axes, designs, near, kinds = (
         e.heading, e.design, e.table, e.chunk.axes, e.chunk.designs, e.chunk.near, e.chunk.kinds
     )  # fmt: skip
@@ -151,7 +153,7 @@ def _begin_chunk(eyes, crowd, begin, end):
     for k in range(end - begin):
         i = order[begin + k]
         designs[k] = design[i]
-        axes[k, 0], axes[k, 1] = direction_of(heading[i])
+        axes[k, 0], axes[k, 1] = recall_direction(i, heading[i], known)
         for g in range(groups):
             for s in range(LANES):
                 near[k, g, s] = table[designs[k] * groups + g, FAR, s]
