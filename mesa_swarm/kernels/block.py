@@ -147,6 +147,29 @@ def _read_block(kind: Any, context: Any, builder: Any, signature: Any, values: A
     return _Reader(context, builder, array.data).take(kind)
 
 
+@intrinsic
+def borrow(typing_context: Any, value: Any) -> Any:
+    """Return an array, or a tuple of these, without counting who refers to it; for compiled functions.
+
+    For arguments of a function that is not part of its caller: they outlive the call, but Numba would count references
+    to them in each loop that passes them on.
+    """
+    return value(value), lambda context, builder, signature, values: _drop_count(context, builder, value, *values)
+
+
+def _drop_count(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.BaseTuple):
+        parts = [builder.extract_value(value, k) for k in range(len(cast(Any, kind)))]
+        kinds = list(cast(Any, kind))
+        dropped = [_drop_count(context, builder, *pair) for pair in zip(kinds, parts, strict=True)]
+        return context.make_tuple(builder, kind, dropped)
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        return array._getvalue()
+    return value
+
+
 class _Reader:
     """Writes the code that reads the numbers of a block one after the other."""
 

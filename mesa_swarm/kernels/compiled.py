@@ -106,11 +106,15 @@ SPARED = {"no_cfunc_wrapper": True}
 LONGEST_STEM = 100
 
 
-def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False, apart: bool = False) -> Any:
+def compiled(
+    function: Callable[..., Any] | None = None, *, nogil: bool = False, apart: bool = False, inline: bool = False
+) -> Any:
     """Compile `function` when it is first called, and store the machine code on disk.
 
     To a type checker the result is Any: Numba infers the types, and `py_func` is there besides the call. With `nogil`
-    other threads run meanwhile: for functions that take long, on arrays that no other thread touches.
+    other threads run meanwhile: for functions that take long, on arrays that no other thread touches. With `inline` its
+    code becomes part of each function that calls it: for those that are called often, once in each loop, with tuples of
+    arrays, which take longer to pass on than to use.
 
     Examples
     --------
@@ -121,13 +125,13 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False,
     42
     """
     if function is None:
-        return partial(compiled, nogil=nogil, apart=apart)
-    options: Any = {"error_model": "numpy", "nogil": nogil} | SPARED
+        return partial(compiled, nogil=nogil, apart=apart, inline=inline)
+    options: Any = {"error_model": "numpy", "nogil": nogil, "forceinline": inline} | SPARED
     result: Any = njit(**options)(function)
     compile_sparingly(result)
     if f"{function.__module__}.".startswith(f"{PACKAGE.name}."):
         FUNCTIONS.add(function)
-        result._cache = StoredCode(function, stem_of(function), partial(_digest, function, nogil, apart))
+        result._cache = StoredCode(function, stem_of(function), partial(_digest, function, nogil, apart, inline))
     else:
         with suppress(OSError):  # its source is not in a file
             stem, description = _describe_function(function)
@@ -138,8 +142,8 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False,
     return result
 
 
-def _digest(function: Any, nogil: bool, apart: bool) -> str | None:
-    return digest_function(function, nogil, apart, digest_source(__file__))
+def _digest(function: Any, *options: bool) -> str | None:
+    return digest_function(function, *options, digest_source(__file__))
 
 
 def _describe_function(function: Callable[..., Any]) -> tuple[str, str]:

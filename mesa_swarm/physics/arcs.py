@@ -59,11 +59,29 @@ def move_along_arc(heading, ahead, left, turn, pieces):
     The body moves with constant (ahead, left, turn): its chord is sinc(turn / 2) times the arc and points along the
     heading half-way.
     """
+    half_way = heading + turn / pieces / 2.0
+    return move_along_chord(direction_of(half_way), heading, ahead, left, turn, pieces)
+
+
+@compiled
+def move_along_chord(direction, heading, ahead, left, turn, pieces):
+    """Return the same where the direction of the chord is known."""
     turn = turn / pieces
-    half_way = heading + turn / 2.0
     chord = sinc(turn / 2.0) / pieces
-    cosine, sine = direction_of(half_way)
+    cosine, sine = direction
     return chord * (cosine * ahead - sine * left), chord * (sine * ahead + cosine * left), wrap_angle(heading + turn)
+
+
+@compiled
+def recall_direction(i, heading, known):
+    """Return cosine and sine of a heading, computed anew where it is not that of row i of `known`, which is written.
+
+    Most robots drive straight on for many steps. Zero has two signs, and so has its sine.
+    """
+    if known[i, 0] != heading or heading == 0.0:
+        known[i, 0] = heading
+        known[i, 1], known[i, 2] = direction_of(heading)
+    return known[i, 1], known[i, 2]
 
 
 @compiled

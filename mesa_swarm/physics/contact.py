@@ -13,7 +13,7 @@ import numpy as np
 
 from mesa_swarm.geometry.grid import CellLists, cell_at
 from mesa_swarm.geometry.overlap import nearest_on_segment
-from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.block import borrow, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import direction_of, hypot
 from mesa_swarm.kernels.type_names import Codes, Integers, RealRows, Reals
@@ -73,7 +73,7 @@ def unpack_solids(statics, movers):
     return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touch_cells, unpack(movers, MoverArrays))
 
 
-@compiled
+@compiled(inline=True)
 def deepest_static(x, y, radius, statics):
     """Return depth, normal, flatness and item of the deepest overlap of a disc with static bodies."""
     edges, discs = statics.edges, statics.discs
@@ -82,7 +82,7 @@ def deepest_static(x, y, radius, statics):
     return deepest_moving(x, y, radius, edges, discs, statics.movers, deepest)
 
 
-@compiled
+@compiled(inline=True)
 def deepest_moving(x, y, radius, edges, discs, movers, deepest):
     """Return the deepest overlap with driven bodies if it is deeper than what was found."""
     if movers is None:
@@ -90,7 +90,7 @@ def deepest_moving(x, y, radius, edges, discs, movers, deepest):
     return deepest_listed(x, y, radius, edges, discs, movers.touch_cells, deepest)
 
 
-@compiled
+@compiled(inline=True)
 def deepest_listed(x, y, radius, edges, discs, lists, deepest_found):
     """Return the deepest overlap with the items that are listed if it is deeper than what was found."""
     deepest, normal_x, normal_y, flat, deepest_item = deepest_found
@@ -107,7 +107,7 @@ def deepest_listed(x, y, radius, edges, discs, lists, deepest_found):
     return deepest, normal_x, normal_y, flat, deepest_item
 
 
-@compiled
+@compiled(inline=True)
 def _deepest_border(x, y, radius, bounds):
     """Return the deepest overlap of a disc with the outside of the map."""
     west, south = radius - (x - bounds[0]), radius - (y - bounds[1])
@@ -120,7 +120,7 @@ def _deepest_border(x, y, radius, bounds):
     return deepest, nx, ny, True, BORDER
 
 
-@compiled
+@compiled(inline=True)
 def edge_overlap(x, y, radius, edges, e):
     """Return depth, normal and flatness of the overlap of a disc with edge e; depth 0 means no overlap."""
     ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
@@ -142,7 +142,7 @@ def edge_overlap(x, y, radius, edges, e):
     return radius - (dx * nx + dy * ny), nx, ny, face
 
 
-@compiled
+@compiled(inline=True)
 def disc_overlap(x, y, radius, discs, k):
     """Return depth and normal of the overlap of a disc with static disc k; depth 0 means no overlap."""
     dx, dy = x - discs[k, 0], y - discs[k, 1]
@@ -192,6 +192,8 @@ class Contacts:
 @compiled(apart=True)
 def push_all_from_statics(rows, position, radius, statics, contacts, free):
     """Move the robots in these rows out of static bodies, and write for which ones that was possible."""
+    rows, position, radius, free = borrow(rows), borrow(position), borrow(radius), borrow(free)
+    statics, contacts = borrow(statics), borrow(contacts)
     bounds, movers, grid, start = statics.bounds, statics.movers, statics.touch_cells.grid, statics.touch_cells.start
     for i in rows:
         x, y, r = position[i, 0], position[i, 1], radius[i]
@@ -203,7 +205,7 @@ def push_all_from_statics(rows, position, radius, statics, contacts, free):
         free[i] = (clear and is_clear_of_bodies(x, y, movers)) or push_from_statics(i, position, r, statics, contacts)
 
 
-@compiled
+@compiled(inline=True)
 def is_clear_of_bodies(x, y, movers):
     """Return whether no driven body can be touched from a place."""
     if movers is None:
@@ -221,7 +223,7 @@ def coincident_direction(a, b):
     return side * x, side * y
 
 
-@compiled
+@compiled(inline=True)
 def note_contact(i, kind, other, nx, ny, depth, contacts):
     """Write a contact of robot i if it is its deepest in this step."""
     if depth > contacts.depth[i]:
@@ -232,7 +234,7 @@ def note_contact(i, kind, other, nx, ny, depth, contacts):
         contacts.depth[i] = depth
 
 
-@compiled
+@compiled(inline=True)
 def push_from_statics(i, position, radius, statics, contacts):
     """Move robot i out of static bodies; return whether it is out.
 

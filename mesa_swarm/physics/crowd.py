@@ -17,6 +17,28 @@ FEWEST_PAIRS = 64
 SIZE, LISTED = 0, 1
 
 
+class PushArrays(NamedTuple):
+    """Scratch for separating robots, a row a robot, as `separation.Groups` has it; `push` is 0 and none is `awake`.
+
+    Of `start` there is one more; `members` and `moved` are rows of robots, of which threads take their own ranges.
+    """
+
+    start: Integers
+    push: RealRows
+    awake: Flags
+    group: Integers
+    begins: RealRows
+    members: Integers
+    moved: Integers
+
+    @classmethod
+    def of(cls, n: int) -> "PushArrays":
+        """Return scratch for n robots."""
+        rows = np.zeros((3, n), np.int64)
+        start, group, members, moved = np.zeros(n + 1, np.int64), *rows
+        return cls(start, np.zeros((n, 2)), np.zeros(n, np.bool_), group, np.zeros((n, 2)), members, moved)
+
+
 class CrowdArrays(NamedTuple):
     """Copies of the columns that neighbours need, in the order of cells, as compiled functions take them.
 
@@ -24,7 +46,8 @@ class CrowdArrays(NamedTuple):
     grid holds rows ``start[c]`` to ``start[c + 1]``. Within a cell they ascend by row of the swarm, so that the order
     follows from the places alone. `cell_of`, `reference`, `radii` and `numbers` are the cell of each, its place when
     they were sorted, radius and number; `places` and `before` where it is now, and was before this piece of the step;
-    `free` whether it is clear of static bodies; `rows` are 0 to n - 1.
+    `free` whether it is clear of static bodies; `rows` are 0 to n - 1. `directions`, by row of the swarm, are headings
+    with cosine and sine, see `recall_direction`; `scratch` is that of separating robots.
     """
 
     position: RealRows
@@ -42,6 +65,8 @@ class CrowdArrays(NamedTuple):
     free: Flags
     contacts: ContactArrays
     rows: Integers
+    directions: RealRows
+    scratch: PushArrays
 
     @classmethod
     def of(cls, grid: GridNumbers, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> "CrowdArrays":
@@ -51,8 +76,9 @@ class CrowdArrays(NamedTuple):
         reference, radii, numbers = np.zeros((n, 2)), np.zeros(n), np.zeros(n, np.int64)
         places, before, free = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n, np.bool_)
         sorted_arrays = start, order, cell_of, reference, radii, numbers
-        contacts, rows = ContactArrays.of(n), np.arange(n)
-        return cls(position, radius, number, grid, *sorted_arrays, places, before, free, contacts, rows)
+        contacts, rows, directions = ContactArrays.of(n), np.arange(n), np.full((n, 3), np.nan)
+        others = contacts, rows, directions, PushArrays.of(n)
+        return cls(position, radius, number, grid, *sorted_arrays, places, before, free, *others)
 
 
 class PairArrays(NamedTuple):

@@ -23,7 +23,8 @@ from mesa_swarm.physics.loads import (
     return_loads,
 )
 from mesa_swarm.physics.placing import settle_robots
-from mesa_swarm.physics.sensing import EyeArrays, sense_inside, sense_proximity
+from mesa_swarm.physics.sector_tables import clearance_of, tables_of_sectors
+from mesa_swarm.physics.sensing import ChunkArrays, EyeArrays, sense_inside, sense_proximity
 from mesa_swarm.physics.sensor_noise import NO_NOISE, SensorNoise
 from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.stage_kernels import (
@@ -244,16 +245,26 @@ class CompiledEngine(Engine):
 
     def _sense_together(self, swarm: Swarm, surroundings: Surroundings, n: int) -> None:
         """Write the exact readings of proximity sensors as the kernel does, the rows of robots in ranges."""
-        crowd, arguments = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
+        crowd, others = self._crowd, (self._crowd.block, self._blocks.movers)
+
+        def sense_rows(first: int, last: int) -> np.ndarray:
+            return crowd.pairs_from(first, last, sense_proximity, self._eyes_from(first).numbers, *others)
+
         note_readings(self._errors, swarm.columns["distance"], swarm.columns["kind"])
         if surroundings.moving is not None:
             surroundings.moving.look()
         crowd.sort()
-        pairs = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *arguments))
-        crowd.pairs = np.concatenate(pairs)
+        crowd.pairs = np.concatenate(self._share(n, sense_rows))
         crowd.near.state[LISTED] = True
         if swarm.table.exposed or swarm.disturbed:
             sense_inside(*self._inside)
+
+    def _eyes_from(self, first: int) -> Block:
+        """Return the block of `EyeArrays` for rows from this one on, with scratch that no other range has."""
+        if first not in self._eyes_of_rows:
+            eyes = self._eye_arrays
+            self._eyes_of_rows[first] = Block(eyes._replace(chunk=ChunkArrays.of(eyes.distance.shape[1])))
+        return self._eyes_of_rows[first]
 
     def _parts(self, n: int) -> int:
         """Return into how many ranges n rows are cut."""
@@ -271,23 +282,27 @@ class CompiledEngine(Engine):
         cell = max(2 * largest + self._margin, 1e-9)
         grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
         self._crowd = Crowd(grid.numbers, columns["position"], columns["radius"], columns["number"])
-        self._eyes = Block(
-            EyeArrays(
-                largest_radius=largest,
-                margin=self._margin,
-                heading=columns["heading"],
-                design=columns["design"],
-                sensors=table.proximity,
-                counts=table.counts,
-                reach=table.reach,
-                edges=statics.edges,
-                discs=statics.discs,
-                static_kind=statics.kind,
-                sight_cells=statics.sight_cells,
-                distance=columns["distance"],
-                kind=columns["kind"],
-            )
+        clearance = clearance_of(largest, table.reach, surroundings.bounds)
+        self._eye_arrays = EyeArrays(
+            largest_radius=largest,
+            margin=self._margin,
+            heading=columns["heading"],
+            design=columns["design"],
+            sensors=table.proximity,
+            table=tables_of_sectors(table.proximity, clearance),
+            clearance=clearance,
+            counts=table.counts,
+            reach=table.reach,
+            edges=statics.edges,
+            discs=statics.discs,
+            static_kind=statics.kind,
+            sight_cells=statics.sight_cells,
+            distance=columns["distance"],
+            kind=columns["kind"],
+            chunk=ChunkArrays.of(columns["distance"].shape[1]),
         )
+        self._eyes = Block(self._eye_arrays)
+        self._eyes_of_rows = {0: self._eyes}
         outputs = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
         self._heat = Block(surroundings.radiating)
         self._extra_turn = np.zeros(n)

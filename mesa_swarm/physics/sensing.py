@@ -8,12 +8,15 @@ import numpy as np
 from mesa_swarm.geometry.grid import CellLists, cell_at, cell_index
 from mesa_swarm.geometry.overlap import is_in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
+from mesa_swarm.kernels.bits import lowest_bit
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import direction_of, hypot
-from mesa_swarm.kernels.type_names import CodeRows, Codes, Integers, RealRows, Reals, RealTables
+from mesa_swarm.kernels.type_names import CodeRows, Codes, IntegerRows, Integers, RealRows, Reals, RealTables
+from mesa_swarm.physics.arcs import recall_direction
 from mesa_swarm.physics.crowd import CrowdArrays
 from mesa_swarm.physics.driven_bodies import MoverArrays
+from mesa_swarm.physics.sector_tables import FAR, LANES, LARGER, groups_of, lanes_at_edge
 from mesa_swarm.robots.design import (
     AXIS_X,
     AXIS_Y,
@@ -43,11 +46,45 @@ MOST_FOUND = 2048
 NONE = np.int64(0)
 
 
+class ChunkArrays(NamedTuple):
+    """Scratch for the `CHUNK` robots whose readings are made together, row 0 that of the first.
+
+    Directions, designs, and readings so far, those in groups, see `sector_tables`; rows of the discs that were found
+    near them; and of those that robots of a design look at, `owner` to `radius`, with where sensors see them.
+    """
+
+    axes: RealRows
+    designs: Integers
+    near: RealTables
+    kinds: CodeRows
+    found: IntegerRows
+    owner: Integers
+    hits: Integers
+    kind: Codes
+    ahead: Reals
+    aside: Reals
+    radius: Reals
+    x: Reals
+    y: Reals
+    beside: Reals
+
+    @classmethod
+    def of(cls, count: int) -> "ChunkArrays":
+        """Return scratch for robots of at most `count` sensors."""
+        groups = groups_of(count)
+        near, kinds = np.empty((CHUNK, groups, LANES)), np.empty((CHUNK, LANES * groups), np.int8)
+        found, (owner, hits) = np.empty((MOST_FOUND, 2), np.int64), np.empty((2, MOST_FOUND), np.int64)
+        numbers = np.empty((6, MOST_FOUND))
+        kind = np.empty(MOST_FOUND, np.int8)
+        return cls(np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64), near, kinds, found, owner, hits, kind, *numbers)
+
+
 class EyeArrays(NamedTuple):
     """What proximity sensors read, and where they write.
 
     The largest radius of a robot, and `margin`, the distance within which pairs are listed; columns and tables of the
-    swarm; edges, discs, kinds of both and lists as in `Statics`; then the columns that are written.
+    swarm, with `table` of `tables_of_sectors` and its clearance; edges, discs, kinds of both and lists as in `Statics`;
+    then the columns that are written; and scratch, which no two threads may share.
     """
 
     largest_radius: float
@@ -55,6 +92,8 @@ class EyeArrays(NamedTuple):
     heading: Reals
     design: Integers
     sensors: RealTables
+    table: RealTables
+    clearance: float
     counts: Integers
     reach: Reals
     edges: RealRows
@@ -63,6 +102,7 @@ class EyeArrays(NamedTuple):
     sight_cells: CellLists
     distance: RealRows
     kind: CodeRows
+    chunk: ChunkArrays
 
 
 class Radiating(NamedTuple):
@@ -80,23 +120,6 @@ class Radiating(NamedTuple):
     temperature: Reals
 
 
-class ChunkArrays(NamedTuple):
-    """The robots `begin` to `end` whose readings are made together, and the readings, row 0 that of the first."""
-
-    begin: int
-    end: int
-    places: RealRows
-    radii: Reals
-    axes: RealRows
-    designs: Integers
-    sensors: RealTables
-    counts: Integers
-    discs: RealRows
-    disc_kind: Codes
-    near: RealRows
-    kinds: CodeRows
-
-
 @compiled(nogil=True, apart=True)
 def sense_proximity(eyes, crowd, movers, first, last, pairs):
     """Write the readings of robots p in [first, last), without error, -1 where no body is seen; return how many pairs.
@@ -106,47 +129,46 @@ def sense_proximity(eyes, crowd, movers, first, last, pairs):
     In the same search the pairs of robots that come within the margin of each other are written into `pairs`, each from
     the first of the two; where there are more than it has room for, only their number is right.
     """
-    e, c = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays)
-    heading, design, sensors, counts, reach = e.heading, e.design, e.sensors, e.counts, e.reach
-    edges, discs, static_kind, distance, kind = e.edges, e.discs, e.static_kind, e.distance, e.kind
-    order, places, radii = c.order, c.reference, c.radii
-    near, kinds = np.empty((CHUNK, distance.shape[1])), np.empty((CHUNK, distance.shape[1]), np.int8)
-    axes, designs = np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64)
-    near_items, count = np.empty((MOST_FOUND, 2), np.int64), NONE
+    count = NONE
     for begin in range(first, last, CHUNK):
         end = min(begin + CHUNK, last)
-        _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, kinds)
-        chunk = ChunkArrays(
-            begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, kinds
-        )
-        m = _find_statics(chunk, reach, edges, static_kind, e.sight_cells, near_items, NONE)
+        _begin_chunk(eyes, crowd, begin, end)
+        found = _find_statics(eyes, crowd, unpack(eyes, EyeArrays).sight_cells, begin, end, NONE)
         if movers is not None:
-            m = _find_statics(chunk, reach, edges, static_kind, unpack(movers, MoverArrays).sight_cells, near_items, m)
-        m, count = _find_robots(chunk, e.largest_radius, e.margin, reach, c.grid, c.start, pairs, count, near_items, m)
-        _see_discs(chunk, near_items, m)
-        _write_chunk(begin, end, order, near, kinds, distance, kind)
+            found = _find_statics(eyes, crowd, unpack(movers, MoverArrays).sight_cells, begin, end, found)
+        found, count = _find_robots(eyes, crowd, begin, end, found, pairs, count)
+        _see_discs(eyes, crowd, begin, found)
+        _write_chunk(eyes, crowd, begin, end)
     return count
 
 
 @compiled
-def _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, kinds):
+def _begin_chunk(eyes, crowd, begin, end):
     """Begin the readings of some robots with the range of each sensor: nothing farther is seen."""
+    e, order, known = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays).order, unpack(crowd, CrowdArrays).directions
+    heading, design, table, axes, designs, near, kinds = (
+        e.heading, e.design, e.table, e.chunk.axes, e.chunk.designs, e.chunk.near, e.chunk.kinds
+    )  # fmt: skip
+    groups = table.shape[0] // e.counts.shape[0]
     for k in range(end - begin):
         i = order[begin + k]
         designs[k] = design[i]
-        axes[k, 0], axes[k, 1] = direction_of(heading[i])
-        for s in range(near.shape[1]):
-            near[k, s] = sensors[designs[k], s, RANGE]
-            kinds[k, s] = NOTHING
+        axes[k, 0], axes[k, 1] = recall_direction(i, heading[i], known)
+        for g in range(groups):
+            for s in range(LANES):
+                near[k, g, s] = table[designs[k] * groups + g, FAR, s]
+                kinds[k, LANES * g + s] = NOTHING
 
 
 @compiled
-def _write_chunk(begin, end, order, near, kinds, distance, kind):
+def _write_chunk(eyes, crowd, begin, end):
     """Write the readings of some robots into their rows."""
+    e, order = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays).order
+    near, kinds, distance, kind = e.chunk.near, e.chunk.kinds, e.distance, e.kind
     for k in range(end - begin):
         i = order[begin + k]
-        for s in range(near.shape[1]):
-            distance[i, s] = near[k, s] if kinds[k, s] != NOTHING else -1.0
+        for s in range(distance.shape[1]):
+            distance[i, s] = near[k, s // LANES, s % LANES] if kinds[k, s] != NOTHING else -1.0
             kind[i, s] = kinds[k, s]
 
 
@@ -154,12 +176,15 @@ def _write_chunk(begin, end, order, near, kinds, distance, kind):
 
 
 @compiled(apart=True)
-def _find_statics(chunk, reach, edges, static_kind, lists, near_items, m):
+def _find_statics(eyes, crowd, lists, begin, end, m):
     """Update readings by the edges that the cells of some robots list, and note the discs; return how many."""
-    begin, places, radii, axes, designs = chunk.begin, chunk.places, chunk.radii, chunk.axes, chunk.designs
-    sensors, counts, discs, near, kinds = chunk.sensors, chunk.counts, chunk.discs, chunk.near, chunk.kinds
+    e, c = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays)
+    places, radii, axes, designs, reach = c.reference, c.radii, e.chunk.axes, e.chunk.designs, e.reach
+    table, sensors, counts, near, kinds = e.table, e.sensors, e.counts, e.chunk.near, e.chunk.kinds
+    edges, discs, static_kind, found, clearance = e.edges, e.discs, e.static_kind, e.chunk.found, e.clearance
     grid, start, items = lists.grid, lists.start, lists.items
-    for k in range(chunk.end - begin):
+    groups = table.shape[0] // counts.shape[0]
+    for k in range(end - begin):
         x, y, d = places[begin + k, 0], places[begin + k, 1], designs[k]
         cell = cell_at(x, y, grid)
         for place in range(start[cell], start[cell + 1]):
@@ -168,38 +193,47 @@ def _find_statics(chunk, reach, edges, static_kind, lists, near_items, m):
                 disc = item - edges.shape[0]
                 dx, dy = discs[disc, 0] - x, discs[disc, 1] - y
                 if m == MOST_FOUND:
-                    _see_discs(chunk, near_items, m)
+                    _see_discs(eyes, crowd, begin, m)
                     m = NONE
-                near_items[m, 0], near_items[m, 1] = k, -1 - disc
+                found[m, 0], found[m, 1] = k, -1 - disc
                 m += dx * dx + dy * dy <= (reach[d] + discs[disc, 2]) ** 2
                 continue
             ax, ay = edges[item, 0] - x, edges[item, 1] - y
             bx, by = edges[item, 2] - x, edges[item, 3] - y
-            if not is_segment_within(ax, ay, bx, by, reach[d]):
+            if not (
+                is_segment_within(ax, ay, bx, by, reach[d]) and is_line_within(ax, ay, bx, by, reach[d] + clearance)
+            ):
                 continue
             kind = static_kind[item]
             ax, ay = rotate_into_frame(ax, ay, axes[k, 0], axes[k, 1])
             bx, by = rotate_into_frame(bx, by, axes[k, 0], axes[k, 1])
-            for s in range(counts[d]):
-                gap = look_at_segment(
-                    ax - sensors[d, s, MOUNT_X], ay - sensors[d, s, MOUNT_Y],
-                    bx - sensors[d, s, MOUNT_X], by - sensors[d, s, MOUNT_Y],
-                    sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
-                    sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], near[k, s],
-                    TOUCH * radii[begin + k],
-                )  # fmt: skip
-                if is_nearest_body(gap, kind, near[k, s], kinds[k, s]):
-                    near[k, s], kinds[k, s] = gap, kind
+            for g in range(groups):
+                lanes = lanes_at_edge(table, groups * d + g, near, k, g, ax, ay, bx, by, clearance)
+                while lanes != 0:
+                    lane = lowest_bit(lanes)
+                    s = LANES * g + lane
+                    lanes &= lanes - 1
+                    gap = look_at_segment(
+                        ax - sensors[d, s, MOUNT_X], ay - sensors[d, s, MOUNT_Y],
+                        bx - sensors[d, s, MOUNT_X], by - sensors[d, s, MOUNT_Y],
+                        sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
+                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], near[k, g, lane],
+                        TOUCH * radii[begin + k],
+                    )  # fmt: skip
+                    if is_nearest_body(gap, kind, near[k, g, lane], kinds[k, s]):
+                        near[k, g, lane], kinds[k, s] = gap, kind
     return m
 
 
 @compiled(apart=True)
-def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count, near_items, m):
+def _find_robots(eyes, crowd, begin, end, m, pairs, count):
     """Note the robots near each of some robots, and list pairs; return the numbers of both."""
-    begin, places, radii, designs = chunk.begin, chunk.places, chunk.radii, chunk.designs
-    left, below, per_unit, columns, rows = grid
+    e, c = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays)
+    places, radii, designs, reach, start, found = c.reference, c.radii, e.chunk.designs, e.reach, c.start, e.chunk.found
+    margin, largest_radius = e.margin, e.largest_radius
+    left, below, per_unit, columns, rows = c.grid
     room = pairs.shape[0] - 1
-    for k in range(chunk.end - begin):
+    for k in range(end - begin):
         p, sight = begin + k, reach[designs[k]]
         x, y, r = places[p, 0], places[p, 1], radii[p]
         far = max(sight, r + margin) + largest_radius
@@ -212,13 +246,13 @@ def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count
             while item < end_of_row:
                 stop = min(end_of_row, item + MOST_FOUND)
                 if m + stop - item > MOST_FOUND:
-                    _see_discs(chunk, near_items, m)
+                    _see_discs(eyes, crowd, begin, m)
                     m = NONE
                 for q in range(item, stop):
                     dx, dy = places[q, 0] - x, places[q, 1] - y
                     square, near_by = dx * dx + dy * dy, r + radii[q] + margin
                     # Without branches, which no processor could foresee: what does not count is written over.
-                    near_items[m, 0], near_items[m, 1] = k, q
+                    found[m, 0], found[m, 1] = k, q
                     m += (square <= (sight + radii[q]) ** 2) & (q != p)
                     place = min(count, room)
                     pairs[place, 0], pairs[place, 1] = p, q
@@ -228,22 +262,22 @@ def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count
 
 
 @compiled(apart=True)
-def _see_discs(chunk, near_items, m):
+def _see_discs(eyes, crowd, begin, m):
     """Update the readings of some robots by the m discs that were found near them: robots, or -1 - k for disc k.
 
     Sensor by sensor, first the discs that are beside its sector or beyond its range are sorted out, in a loop without
     branches: most are.
     """
-    begin, places, radii, axes, designs = chunk.begin, chunk.places, chunk.radii, chunk.axes, chunk.designs
-    sensors, counts, near, kinds = chunk.sensors, chunk.counts, chunk.near, chunk.kinds
-    discs, disc_kind = chunk.discs, chunk.disc_kind
-    owner, kind, hits = np.empty(m, np.int64), np.empty(m, np.int8), np.empty(m, np.int64)
-    ahead, aside, radius = np.empty(m), np.empty(m), np.empty(m)
-    x, y, beside = np.empty(m), np.empty(m), np.empty(m)
+    e, c, room = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays), unpack(eyes, EyeArrays).chunk
+    places, radii, axes, designs, found = c.reference, c.radii, room.axes, room.designs, room.found
+    sensors, counts, near, kinds = e.sensors, e.counts, room.near, room.kinds
+    discs, disc_kind = e.discs, e.static_kind[e.edges.shape[0] :]
+    owner, kind, hits, ahead, aside = room.owner, room.kind, room.hits, room.ahead, room.aside
+    radius, x, y, beside = room.radius, room.x, room.y, room.beside
     for d in range(counts.shape[0]):
         n = 0
         for f in range(m):
-            k, q = near_items[f, 0], near_items[f, 1]
+            k, q = found[f, 0], found[f, 1]
             px, py = places[begin + k, 0], places[begin + k, 1]
             if q >= 0:
                 dx, dy, radius[n], kind[n] = places[q, 0] - px, places[q, 1] - py, radii[q], ROBOT
@@ -254,6 +288,7 @@ def _see_discs(chunk, near_items, m):
             ahead[n], aside[n] = rotate_into_frame(dx, dy, axes[k, 0], axes[k, 1])
             n += designs[k] == d
         for s in range(counts[d]):
+            g, lane = s // LANES, s % LANES
             mount_x, mount_y, ux, uy = (
                 sensors[d, s, MOUNT_X], sensors[d, s, MOUNT_Y], sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y],
             )  # fmt: skip
@@ -273,11 +308,11 @@ def _see_discs(chunk, near_items, m):
             for f in hits[:count]:
                 k = owner[f]
                 if rays > 0:
-                    gap = rays_to_disc(x[f], y[f], radius[f], half, rays, near[k, s])
+                    gap = rays_to_disc(x[f], y[f], radius[f], half, rays, near[k, g, lane])
                 else:
-                    gap = sector_to_disc(x[f], y[f], radius[f], cos_half, sin_half, near[k, s])
-                if is_nearest_body(gap, kind[f], near[k, s], kinds[k, s]):
-                    near[k, s], kinds[k, s] = gap, kind[f]
+                    gap = sector_to_disc(x[f], y[f], radius[f], cos_half, sin_half, near[k, g, lane])
+                if is_nearest_body(gap, kind[f], near[k, g, lane], kinds[k, s]):
+                    near[k, g, lane], kinds[k, s] = gap, kind[f]
 
 
 @compiled
@@ -290,6 +325,14 @@ def rotate_into_frame(x, y, axis_x, axis_y):
 def is_segment_within(ax, ay, bx, by, far):
     """Return whether the box around a segment meets a square of half side `far` about the origin."""
     return min(ax, bx) <= far and max(ax, bx) >= -far and min(ay, by) <= far and max(ay, by) >= -far
+
+
+@compiled
+def is_line_within(ax, ay, bx, by, far):
+    """Return whether the line through a segment comes within `far` of the origin, or by rounding might."""
+    dx, dy = bx - ax, by - ay
+    across = ax * dy - ay * dx
+    return not across * across > LARGER * far * far * (dx * dx + dy * dy)
 
 
 @compiled

@@ -126,11 +126,12 @@ def check_overlaps(crowd, pairs):
 def start_groups(crowd, pairs):
     """Return the groups before separating begins: none is known yet."""
     c = unpack(crowd, CrowdArrays)
-    position, radius, n = c.places, c.radii, len(c.radii)
-    start, own = pairs_by_robot(pairs, n)
-    push, awake, group, begins = np.zeros((n, 2)), np.zeros(n, np.bool_), np.full(n, FRESH), np.empty((n, 2))
-    copy_places(position, begins)
-    return Groups(start, own, push, awake, group, begins, MARGIN * least_radius(radius))
+    scratch, radius = c.scratch, c.radii
+    own, group = list_own_pairs(pairs, scratch.start), scratch.group
+    for i in range(len(group)):
+        group[i] = FRESH
+    copy_places(c.places, scratch.begins)
+    return Groups(scratch.start, own, scratch.push, scratch.awake, group, scratch.begins, MARGIN * least_radius(radius))
 
 
 @compiled(nogil=True, apart=True)
@@ -145,8 +146,9 @@ def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, 
     c, solids, margin = unpack(crowd, CrowdArrays), unpack_solids(statics, movers), groups.margin
     position, radius, number, contacts, free, reference = c.places, c.radii, c.numbers, c.contacts, c.free, c.reference
     start, own, push, awake, group = groups.start, groups.own, groups.push, groups.awake, groups.group
-    selection, count, later = collect_groups(first, last, begin, all_overlaps, pairs, start, own, group)
-    moved_rows, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
+    members, moved_rows = c.scratch.members[first:last], c.scratch.moved[first:last]
+    selection, count, later = collect_groups(first, last, begin, all_overlaps, pairs, start, own, group, members)
+    strayed, worst = np.zeros(len(begin), np.bool_), SETTLED
     for _ in range(most_sweeps):
         overlaps = push_pairs(position, radius, number, pairs, selection[:count], push, contacts)
         if overlaps == 0:
@@ -163,12 +165,13 @@ def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, 
 
 
 @compiled(apart=True)
-def collect_groups(first, last, begin, overlaps, pairs, start, own, group):
+def collect_groups(first, last, begin, overlaps, pairs, start, own, group, members):
     """Give numbers to the groups that pairs `begin` belong to, where all of a group is within rows [first, last).
 
-    Return their pairs `overlaps` in an array with room for all, how many there are, and the first pair of other groups.
+    `members` is scratch. Return their pairs `overlaps` in an array with room for all, how many there are, and the first
+    pair of other groups.
     """
-    members, later, waiting = np.empty(last - first, np.int64), np.empty(len(begin), np.int64), 0
+    later, waiting = np.empty(len(begin), np.int64), 0
     all_rows = last - first == len(group)
     for number in range(len(begin)):
         i = pairs[begin[number], 0]
@@ -250,7 +253,16 @@ def farthest_from(reference, position, moved_rows):
 @compiled
 def pairs_by_robot(pairs, n):
     """Return the pairs of each robot: those of robot i are ``own[start[i]:start[i + 1]]``."""
-    start = np.zeros(n + 1, np.int64)
+    start = np.empty(n + 1, np.int64)
+    return start, list_own_pairs(pairs, start)
+
+
+@compiled
+def list_own_pairs(pairs, start):
+    """Write where the pairs of each robot start, and return them, likewise."""
+    n = len(start) - 1
+    for i in range(n + 1):
+        start[i] = 0
     for k in range(pairs.shape[0]):
         start[pairs[k, 0]] += 1
         start[pairs[k, 1]] += 1
@@ -263,7 +275,7 @@ def pairs_by_robot(pairs, n):
             i = pairs[k, side]
             start[i] -= 1
             own[start[i]] = k
-    return start, own
+    return own
 
 
 @compiled

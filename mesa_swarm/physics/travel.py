@@ -20,7 +20,7 @@ from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import atan2, cos, direction_of, hypot
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
-from mesa_swarm.physics.arcs import count_pieces, move_along_arc
+from mesa_swarm.physics.arcs import count_pieces, move_along_arc, move_along_chord, recall_direction
 from mesa_swarm.physics.contact import push_all_from_statics, unpack_solids
 from mesa_swarm.physics.crowd import CrowdArrays
 from mesa_swarm.physics.driven_bodies import advance_bodies, count_body_pieces
@@ -174,7 +174,7 @@ def advance_rows(piece, pieces, robots, crowd, statics, movers, first, last):
     """Move robots p in [first, last) through a piece of their arcs, and out of static bodies."""
     r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
     position, heading, motion, order, places, before = r.position, r.heading, r.motion, c.order, c.places, c.before
-    depth, face, extra_turn = c.contacts.depth, c.contacts.face, r.extra_turn
+    depth, face, extra_turn, known = c.contacts.depth, c.contacts.face, r.extra_turn, c.directions
     for p in range(first, last):
         i = order[p]
         if piece == 0:
@@ -182,7 +182,12 @@ def advance_rows(piece, pieces, robots, crowd, statics, movers, first, last):
             depth[p], extra_turn[i] = 0.0, 0.0
         before[p, 0], before[p, 1] = places[p, 0], places[p, 1]
         face[p, 2] = 0.0
-        dx, dy, heading[i] = move_along_arc(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
+        ahead, left, turn = motion[i, 0], motion[i, 1], motion[i, 2]
+        if turn == 0.0:
+            direction = recall_direction(i, heading[i] + turn, known)
+            dx, dy, heading[i] = move_along_chord(direction, heading[i], ahead, left, turn, pieces)
+        else:
+            dx, dy, heading[i] = move_along_arc(heading[i], ahead, left, turn, pieces)
         places[p, 0] += dx
         places[p, 1] += dy
     push_all_from_statics(c.rows[first:last], places, c.radii, solids, c.contacts, c.free)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.physics.arcs import advance_robots, sinc
+from mesa_swarm.kernels.elementary import direction_of
+from mesa_swarm.physics.arcs import advance_robots, recall_direction, sinc
 from mesa_swarm.robots.drive import DifferentialDrive
 from support.driving import alone, pose_of
 
@@ -91,3 +92,11 @@ def test_cutting_a_step_into_pieces_changes_nothing(left, right, pieces):
 def test_sinc_is_smooth_where_it_changes_its_formula(half_turn):
     assert sinc(half_turn) == pytest.approx(float(np.sinc(half_turn / math.pi)), abs=1e-15)
     assert sinc(half_turn * 1e-4) == pytest.approx(float(np.sinc(half_turn * 1e-4 / math.pi)), abs=1e-15)
+
+
+@given(st.lists(st.tuples(st.integers(0, 1), st.sampled_from([0.0, -0.0, 1.5]) | st.floats(-4, 4)), max_size=8))
+def test_a_direction_that_is_recalled_has_the_bits_of_one_that_is_computed(headings):
+    known = np.full((2, 3), np.nan)
+    for row, heading in headings * 2:
+        recalled = np.array(recall_direction(row, heading, known))
+        assert recalled.tobytes() == np.array(direction_of(heading)).tobytes()
