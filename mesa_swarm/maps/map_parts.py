@@ -27,7 +27,6 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.base.files import LONGEST_SHOWN
 from mesa_swarm.geometry import Bounds
-from mesa_swarm.kernels.elementary import vector_lengths
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape
 
 RADIUS_OF_UNIT_AREA = 10.0
@@ -302,7 +301,7 @@ class Work:
         self.spend(SEARCHED)
         sides = _sides(at, width / 2)
         rank = np.concatenate([np.arange(len(sides) // 2), np.arange(len(sides) // 2) - 2 * len(sides)])
-        long = vector_lengths(*(sides[:, 2:] - sides[:, :2]).T) > STRAIGHT * width / 2
+        long = np.sqrt(((sides[:, 2:] - sides[:, :2]) ** 2).sum(axis=1)) > STRAIGHT * width / 2
         sides, rank = sides[long], rank[long]
         least = self.left - self._affordable
         crossing = WIDE_CROSSING if width > WIDE * np.ptp(at, axis=0).max() else CROSSING
@@ -394,7 +393,7 @@ def _boxes(edges: np.ndarray) -> np.ndarray:
 def _sides(at: np.ndarray, half: float) -> np.ndarray:
     """Return the edges along both sides of a thick line, those that join them at its corners included."""
     step = np.diff(at, axis=0)
-    length = vector_lengths(*step.T)
+    length = np.sqrt((step**2).sum(axis=1))
     start, end, step = at[:-1][length > 0], at[1:][length > 0], step[length > 0]
     away = half * np.column_stack([-step[:, 1], step[:, 0]]) / length[length > 0, None]
     sides = []
