@@ -250,7 +250,7 @@ class CompiledEngine(Engine):
         def sense_rows(first: int, last: int) -> np.ndarray:
             return crowd.pairs_from(first, last, sense_proximity, self._eyes_from(first).numbers, *others)
 
-        note_readings(self._errors, swarm.columns["distance"], swarm.columns["kind"])
+        note_readings(self._error_numbers, swarm.columns["distance"], swarm.columns["kind"])
         if surroundings.moving is not None:
             surroundings.moving.look()
         crowd.sort()
@@ -323,7 +323,7 @@ class CompiledEngine(Engine):
         places = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
         shape, noise, marks = columns["distance"].shape, self._noise, surroundings.marks
         old_shape = shape if table.slow else (0, 0)
-        self._errors = ErrorArrays(
+        errors = ErrorArrays(
             table=table.noise,
             errs=noise is not None,
             noise=NO_NOISE if noise is None else noise.arrays_for(shape),
@@ -335,9 +335,11 @@ class CompiledEngine(Engine):
         )
         heat = table.radiation, self._heat.numbers, columns["radiation"]
         devices = DeviceArrays(*heat, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
-        block = Block(SenseArrays(ProximityArrays(*blocks, *places, *self._inside), self._errors, devices))
+        parts = [*map(Block, (ProximityArrays(*blocks, *places, *self._inside), errors, devices))]
+        self._error_numbers = parts[1].numbers
+        block = Block(SenseArrays(*(part.numbers for part in parts)))
         function = sense_robots if movers is None else sense_robots_and_movers
-        self._sense_kernel = Kernel(function, block.numbers, block, self._attend_sensing)
+        self._sense_kernel = Kernel(function, block.numbers, (block, parts), self._attend_sensing)
 
     def _attend_sensing(self, code: int) -> None:
         """Do what `sense_robots` cannot."""
@@ -363,7 +365,8 @@ class CompiledEngine(Engine):
     ) -> Kernel:
         n, crowd, movers, room = len(swarm), self._crowd, self._blocks.movers, surroundings.room
         no_call, progress = KernelCall(0, NO_NUMBERS), np.zeros(3, np.int64)
-        loads, calls, blocks = None, LoadCalls(False, no_call, no_call), []
+        wheels = Block(wheels_of_swarm(swarm, driven, stream))
+        loads, calls, blocks = None, LoadCalls(False, no_call, no_call), [wheels]
         if room is not None:
             loads = LoadArrays.of(surroundings, room, swarm.columns, self._motion)
             block = Block(loads)
@@ -377,7 +380,7 @@ class CompiledEngine(Engine):
             progress=progress,
             start=np.zeros((n, 2)),
             start_heading=np.zeros(n),
-            wheels=wheels_of_swarm(swarm, driven, stream),
+            wheels=wheels.numbers,
             loads=calls,
             robots=self._robots.numbers,
             crowd=crowd.block,

@@ -107,11 +107,14 @@ class DeviceArrays(NamedTuple):
 
 
 class SenseArrays(NamedTuple):
-    """What `sense_robots` takes."""
+    """What `sense_robots` takes: numbers of blocks of `ProximityArrays`, `ErrorArrays` and `DeviceArrays`.
 
-    proximity: ProximityArrays
-    errors: ErrorArrays
-    devices: DeviceArrays
+    What functions pass on are blocks: to pass many arrays takes the compiler longer than to read some of a block.
+    """
+
+    proximity: Integers
+    errors: Integers
+    devices: Integers
 
 
 class CountArrays(NamedTuple):
@@ -179,7 +182,7 @@ class MoveArrays(NamedTuple):
     progress: Integers
     start: RealRows
     start_heading: Reals
-    wheels: WheelArrays
+    wheels: Integers
     loads: LoadCalls
     robots: Integers
     crowd: Integers
@@ -191,29 +194,29 @@ class MoveArrays(NamedTuple):
 @compiled(nogil=True)
 def sense_robots(block, step, first, last):
     """Sort robots by cell, write what all sensors read, and list the pairs near each other: all rows at once."""
-    return _sense(unpack(block, SenseArrays), None, step, last)
+    return _sense(block, None, step, last)
 
 
 @compiled(nogil=True)
 def sense_robots_and_movers(block, step, first, last):
     """Do what `sense_robots` does, in a world with driven bodies."""
-    s = unpack(block, SenseArrays)
-    return _sense(s, s.proximity.movers, step, last)
+    return _sense(block, unpack(unpack(block, SenseArrays).proximity, ProximityArrays).movers, step, last)
 
 
 @compiled(nogil=True)
 def finish_readings(block, step, first, last):
     """Do what follows on exact readings of proximity sensors: errors, readings that are held, and other sensors."""
-    return _finish(unpack(block, SenseArrays), step)
+    return _finish(block, step)
 
 
-@compiled
-def _sense(s, movers, step, n):
+@compiled(apart=True)
+def _sense(block, movers, step, n):
     if n == 0:
         return DONE
-    p, errors = s.proximity, s.errors
+    s = unpack(block, SenseArrays)
+    p = unpack(s.proximity, ProximityArrays)
     if p.distance.shape[1] > 0:
-        note_readings(errors, p.distance, p.kind)
+        note_readings(s.errors, p.distance, p.kind)
         if movers is not None:
             list_seen(movers, p.edges, unpack(p.eyes, EyeArrays).discs)
         sort_by_cell(p.crowd)
@@ -228,12 +231,13 @@ def _sense(s, movers, step, n):
                 p.position, p.heading, p.design, p.sensors, p.counts, p.edges, p.static_kind, p.rings, p.bounds,
                 p.distance, p.kind,
             )  # fmt: skip
-    return _finish(s, step)
+    return _finish(block, step)
 
 
 @compiled
-def note_readings(errors, distance, kind):
+def note_readings(block, distance, kind):
     """Note the readings before this step, where some are held, unless that was done before an interruption."""
+    errors = unpack(block, ErrorArrays)
     if errors.holds and not errors.noted[ONLY]:
         old_distance, old_kind = errors.old_distance, errors.old_kind
         for i in range(distance.shape[0]):
@@ -242,9 +246,10 @@ def note_readings(errors, distance, kind):
     errors.noted[ONLY] = True
 
 
-@compiled
-def _finish(s, step):
-    p, errors, d, moment = s.proximity, s.errors, s.devices, step - 1
+@compiled(apart=True)
+def _finish(block, step):
+    s, moment = unpack(block, SenseArrays), step - 1
+    p, errors, d = unpack(s.proximity, ProximityArrays), unpack(s.errors, ErrorArrays), unpack(s.devices, DeviceArrays)
     if errors.errs:
         if not draw_noise(errors.noise, moment):
             return REWIND
@@ -272,39 +277,42 @@ def move_robots(block, step, first, last):
     What is driven becomes the motion, robots push loads, `travel_pieces` moves all, and the slip of what wheels have
     achieved is written. If a robot could not give way to a load, that one returns, and all travel again.
     """
-    return _move(unpack(block, MoveArrays), None, last)
+    return _move(block, None, last)
 
 
 @compiled(nogil=True)
 def move_robots_and_movers(block, step, first, last):
     """Do what `move_robots` does, in a world with driven bodies."""
-    m = unpack(block, MoveArrays)
-    return _move(m, m.movers, last)
+    return _move(block, unpack(block, MoveArrays).movers, last)
 
 
-@compiled
-def _move(m, movers, n):
-    progress, near, r = m.progress, unpack(m.pairs, PairArrays), unpack(m.robots, RobotArrays)
+@compiled(apart=True)
+def _move(block, movers, n):
     if n == 0:
         return DONE
-    code = _begin_move(m, near, r, n) if progress[NEXT] == BEGIN else DONE
+    m = unpack(block, MoveArrays)
+    progress, near = m.progress, unpack(m.pairs, PairArrays)
+    code = _begin_move(block, n) if progress[NEXT] == BEGIN else DONE
     if code == DONE:
         near.state[LISTED] = 0  # from here on robots are elsewhere
-        code = _go(m, movers, near, r, n)
+        code = _go(block, movers, n)
     if code == DONE:
         progress[NEXT] = BEGIN
+        r = unpack(m.robots, RobotArrays)
         write_achieved_motion(m.start, r.position, m.start_heading, r.extra_turn, r.collided, r.motion)
         write_rolled_slip(m.wheels, r.collided, r.radius, r.motion)
     return code
 
 
-@compiled
-def _begin_move(m, near, r, n):
+@compiled(apart=True)
+def _begin_move(block, n):
     """Let wheels roll, and robots push loads."""
+    m = unpack(block, MoveArrays)
     if m.disturbed[ONLY]:
         return SETTLE
-    if not near.state[LISTED] and not _list_pairs(m, near):
+    if not unpack(m.pairs, PairArrays).state[LISTED] and not _list_pairs(block):
         return LIST
+    r = unpack(m.robots, RobotArrays)
     roll_wheels(m.wheels, r.radius, r.motion)
     _copy_poses(r.position, r.heading, m.start, m.start_heading)
     if m.loads.present:
@@ -313,9 +321,10 @@ def _begin_move(m, near, r, n):
     return DONE
 
 
-@compiled
-def _go(m, movers, near, r, n):
+@compiled(apart=True)
+def _go(block, movers, n):
     """Let all travel; robots that could not give way to a load go back, to travel once more when it has returned."""
+    m = unpack(block, MoveArrays)
     progress = m.progress
     if progress[NEXT] == SET_OUT:
         progress[NEXT], progress[PIECE] = TRAVEL, 0
@@ -323,9 +332,10 @@ def _go(m, movers, near, r, n):
             statics = unpack(m.statics, StaticArrays)
             if return_to_start(movers, statics.edges, statics.discs) and m.loads.present:
                 return BLOCK
-    if not _travel(m, movers, near):
+    if not _travel(block, movers):
         return LIST
     if m.loads.present and call_at(m.loads.note_stuck.address, m.loads.note_stuck.block, FIRST, FIRST, n) > 0:
+        r = unpack(m.robots, RobotArrays)
         _copy_poses(m.start, m.start_heading, r.position, r.heading)
         progress[NEXT] = SET_OUT
         return RETURN
@@ -333,18 +343,20 @@ def _go(m, movers, near, r, n):
 
 
 @compiled
-def _list_pairs(m, near):
+def _list_pairs(block):
     """List the pairs of robots near each other, and return whether there was room for all."""
+    m = unpack(block, MoveArrays)
     sort_by_cell(m.crowd)
     c = unpack(m.crowd, CrowdArrays)
-    return put_pairs(near_pairs(c.reference, c.radii, m.margin, c.grid), near)
+    return put_pairs(near_pairs(c.reference, c.radii, m.margin, c.grid), unpack(m.pairs, PairArrays))
 
 
 @compiled
-def _travel(m, movers, near):
+def _travel(block, movers):
     """Go through the pieces of the step from the next one on, and return whether there was room for all pairs."""
-    progress, crowd, statics, turn_angle = m.progress, m.crowd, m.statics, m.turn_angle[ONLY]
-    piece, pieces = progress[PIECE], progress[PIECES]
+    m = unpack(block, MoveArrays)
+    near, progress, crowd, statics = unpack(m.pairs, PairArrays), m.progress, m.crowd, m.statics
+    turn_angle, piece, pieces = m.turn_angle[ONLY], progress[PIECE], progress[PIECES]
     pairs, state = near.room[: near.state[SIZE]], SETTLED + 1
     while state != SETTLED:
         piece, pieces, state = travel_pieces(piece, pieces, pairs, turn_angle, m.robots, crowd, statics, movers)
@@ -364,8 +376,9 @@ def _copy_poses(position, heading, other_position, other_heading):
 
 
 @compiled
-def roll_wheels(w, radius, motion):
+def roll_wheels(block, radius, motion):
     """Write the speeds that acceleration and slip leave of those that are driven, and the motion that they make."""
+    w = unpack(block, WheelArrays)
     design, rolled, source = w.design, w.rolled, w.driven
     if w.limited:
         accelerate(w.driven, w.acceleration, design, w.sideways, w.speed)
@@ -388,11 +401,12 @@ def roll_wheels(w, radius, motion):
 
 
 @compiled
-def write_rolled_slip(w, collided, radius, motion):
+def write_rolled_slip(block, collided, radius, motion):
     """Write which share of the commands wheels did not roll, with what was taken before they were driven.
 
     Wheels of robots that collided have rolled as these have achieved.
     """
+    w = unpack(block, WheelArrays)
     rolled, driven, slip = w.rolled, w.driven, w.slip
     for i in range(rolled.shape[0]):
         if collided[i]:
