@@ -335,8 +335,9 @@ class CompiledEngine(Engine):
         )
         heat = table.radiation, self._heat.numbers, columns["radiation"]
         devices = DeviceArrays(*heat, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
-        parts = [*map(Block, (ProximityArrays(*blocks, *places, *self._inside), errors, devices))]
-        self._error_numbers = parts[1].numbers
+        parts = Block(ProximityArrays(*blocks, *places, *self._inside)), Block(errors), Block(devices)
+        _, of_errors, _ = parts
+        self._error_numbers = of_errors.numbers
         block = Block(SenseArrays(*(part.numbers for part in parts)))
         function = sense_robots if movers is None else sense_robots_and_movers
         self._sense_kernel = Kernel(function, block.numbers, (block, parts), self._attend_sensing)
