@@ -261,8 +261,8 @@ def describe_bits(provenance: dict) -> str:
     recorded_bits = provenance.get("engine_bits", FIRST_BITS)
     recorded_by = f"mesa-swarm {provenance['versions'].get('mesa-swarm', 'of an earlier version'):.{LONGEST_VERSION}}"
     return (
-        f"it was recorded by {recorded_by}, whose steps have other bits ({recorded_bits}) than those of this version "
-        f"({ENGINE_BITS}); to run it again, use {recorded_by}"
+        f"steps of {recorded_by} have other bits ({recorded_bits}) than those of this version ({ENGINE_BITS}); "
+        f"to run them again, use {recorded_by}"
     )
 
 

@@ -247,7 +247,7 @@ def restore_last(recording: Recording, model_class: type, states: list[Checkpoin
     try:
         model = restore(fresh, states[-1], states[:-1], written_in=facts["format"])
         if is_of_other_bits(facts) and (made[0] - {*model.parts.processes.numbered} or made[1] - {*model.parts}):
-            raise RecordingError(f"{model_class.__name__} has processes and parts that it did not have then")
+            raise RecordingError(f"{model_class.__name__} has other processes and parts now")
     except RecordingError as error:
         if not is_of_other_bits(facts):
             raise

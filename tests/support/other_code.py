@@ -19,4 +19,4 @@ def other_code(after, change):
     try:
         yield
     finally:
-        FireFighting.step = step
+        del FireFighting.step  # which it has inherited
