@@ -325,8 +325,12 @@ class Chunk:
         buffers = [*(rows for _, rows in self._pairs), *self._pixels, *self._part_rows.values()]
         return sum(rows.nbytes for rows in buffers) // self.capacity + self._shown_now.nbytes + 1
 
-    def has_fields_of(self, model: EngineModel) -> bool:
-        """Return whether the model still has the fields that rows of this chunk show, and no other of their names."""
+    def fits(self, model: EngineModel) -> bool:
+        """Return whether the model still has the arrays of bodies and the fields that rows of this chunk show."""
+        table = model.parts.bodies.table
+        # Others where a body has come and gone, though the same bodies are there.
+        if any(map(is_not, (table.position, table.heading, table.temperature), self._of_bodies)):
+            return False
         if not self._fields:
             return True
         pictures = pictures_of(model)

@@ -113,7 +113,7 @@ class RowBuffer:
         self._check_gap(step)
         self._layout.prepare(model)
         signs = _signs_of_scenery(model)
-        if chunk is None or signs != self._signs or not chunk.has_fields_of(model):
+        if chunk is None or signs != self._signs or not chunk.fits(model):
             self.flush()
             if signs != self._signs:
                 self._attach_change(model)
@@ -145,7 +145,7 @@ class RowBuffer:
         chunk, row = self._chunk, self.next_row(model)
         if chunk is None or row > self.newest + self._gap or _signs_of_scenery(model) != self._signs:
             return None
-        return chunk if chunk.has_fields_of(model) else None
+        return chunk if chunk.fits(model) else None
 
     def next_row(self, model: EngineModel) -> int:
         """Return the step of the next row."""

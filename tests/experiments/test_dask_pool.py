@@ -19,11 +19,12 @@ from support.killing import COMMAND, environment, lines_in
 from support.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="needs the extra [cluster]")
+# Runs that take long enough to be interrupted between two of them.
 JOB = """
-model = "fire_fighting"
-steps = 1000
+model = "collision_avoidance"
+steps = 15000
 seeds = 10
-grid = { strategy = ["A", "B"] }
+grid = { n_robots = [50, 60] }
 """
 
 
@@ -280,7 +281,7 @@ def test_after_kills_of_all_workers_and_of_the_scheduler_the_same_call_makes_the
         again = subprocess.run([*command, address], env=environment(), capture_output=True, text=True, check=True)
     assert f"20 runs, {done} of them before" in again.stdout
     assert lines_in(ledger) == 20, "no run was done twice"
-    whole = sweep("fire_fighting", {"strategy": ["A", "B"]}, seeds=10, steps=1000, out=tmp_path / "one", jobs=1)
+    whole = sweep("collision_avoidance", {"n_robots": [50, 60]}, seeds=10, steps=15_000, out=tmp_path / "one", jobs=1)
     assert (out / "runs.parquet").read_bytes() == whole.path.read_bytes()
 
 

@@ -497,3 +497,16 @@ def test_a_file_that_cannot_be_written_ends_a_driven_recording_and_the_model_goe
 
 def broken(buffer):
     raise OSError("disk full")
+
+
+def test_poses_of_bodies_are_recorded_after_one_has_come_and_gone_between_two_steps(tmp_path):
+    model = pushed_loads()
+    with model.record(tmp_path / "run.arrow", exact=True):
+        model.run(20)
+        model.add_body(disc((20, 20), 3), kind="visitor").remove()
+        x, y, heading = model.loads[0].pose
+        model.loads[0].move_to((x + 0.5, y, heading))
+        model.run(20)
+        poses = {load.unique_id: load.pose for load in model.loads}
+    table = Recording(tmp_path / "run.arrow")[-1]["loads"]
+    assert {row[0]: tuple(row)[1:] for row in table.tolist() if row[0] in poses} == poses
