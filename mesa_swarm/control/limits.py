@@ -18,11 +18,9 @@ import numpy as np
 from numba import njit, types
 from numba.core import cgutils, ir, ir_utils
 from numba.core.analysis import compute_cfg_from_blocks
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import UnsupportedError
-from numba.core.untyped_passes import InlineInlinables
 from numba.extending import intrinsic, overload
 from numba.np.ufunc.dufunc import DUFunc
 from numba.np.ufunc.gufunc import GUFunc
@@ -32,7 +30,14 @@ from mesa_swarm.control.chance import read_chance
 from mesa_swarm.control.source import attributes_used, functions_used, operands, operations, values_used
 from mesa_swarm.kernels import draws
 from mesa_swarm.kernels.custom_functions import VERSION as VERSION_OF_FUNCTIONS
-from mesa_swarm.kernels.custom_functions import constant_of, function_instead, is_of_user, is_ours, user_options
+from mesa_swarm.kernels.custom_functions import (
+    CustomCompiler,
+    constant_of,
+    function_instead,
+    is_of_user,
+    is_ours,
+    user_options,
+)
 from mesa_swarm.kernels.digests import digest_source
 
 MOST_LOOPS = 1_000_000
@@ -203,15 +208,10 @@ class _Limit(FunctionPass):
         return True
 
 
-class LimitedCompiler(CompilerBase):
-    """Numba's compiler with this pass, before variables get their single assignments."""
+class LimitedCompiler(CustomCompiler):
+    """Numba's compiler with this pass, which exchanges functions as well."""
 
-    def define_pipelines(self) -> list:
-        """Return the usual passes, with one more."""
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(_Limit, InlineInlinables)
-        passes.finalize()
-        return [passes]
+    added_pass = _Limit
 
 
 def places_of_loops(function: FunctionType) -> list[tuple[str, int]]:

@@ -211,12 +211,14 @@ class _Exchange(FunctionPass):
 
 
 class CustomCompiler(CompilerBase):
-    """Numba's compiler with this pass, for functions of a user."""
+    """Numba's compiler with one more pass, before variables get their single assignments, for functions of a user."""
+
+    added_pass: type[FunctionPass] = _Exchange
 
     def define_pipelines(self) -> list:
         """Return the usual passes, with one more."""
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(_Exchange, InlineInlinables)
+        passes.add_pass_after(self.added_pass, InlineInlinables)
         passes.finalize()
         return [passes]
 

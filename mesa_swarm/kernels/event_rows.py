@@ -7,12 +7,12 @@ import numpy as np
 
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.measuring import FULL, ONLY
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 
-# What a kernel returns where the buffer is full, and where a number that was reported is infinite.
-BUFFER_FULL, INFINITE = 1, 2
+# What a kernel returns where a number that was reported is infinite; `FULL` where the buffer is full.
+INFINITE = 2
 MOST_EVENTS = 4096
-ONLY = 0
 
 
 class EventBuffer(NamedTuple):
@@ -64,7 +64,7 @@ def collect_events(block, step, first, last):
                 return INFINITE
             row = filled[ONLY]
             if row == steps.shape[0]:
-                return BUFFER_FULL
+                return FULL
             steps[row], buffered_codes[row], ids[row], values[row] = step, codes[k], unique_id[i], value
             reports[k, i], filled[ONLY] = math.nan, row + 1
     return 0

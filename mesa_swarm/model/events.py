@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, shortened
-from mesa_swarm.kernels.event_rows import ONLY, EventBuffer
+from mesa_swarm.kernels.event_rows import EventBuffer
+from mesa_swarm.kernels.measuring import ONLY
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.read_only import read_only
