@@ -53,7 +53,7 @@ ALGORITHMS = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
 SB3_PARTS = ("data", "policy.pth", "_stable_baselines3_version")
 SB3_SETTINGS = ("policy_class", "observation_space", "action_space")
 # It packs files without compressing them, and its settings are a few kB of JSON, which take 20 times as much memory.
-MOST_PARTS, MOST_TIMES, LARGEST_SB3, LARGEST_DATA = 64, 100, 1 << 30, 1 << 23
+MOST_PARTS, MOST_TIMES, LARGEST_SB3, LARGEST_DATA = 64, 100, 1 << 30, 1 << 22
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
