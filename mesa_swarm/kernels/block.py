@@ -9,6 +9,7 @@ from ctypes import addressof, c_char
 from functools import partial
 from struct import Struct
 from typing import Any, NamedTuple, cast
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import typeof, types
@@ -216,11 +217,18 @@ class KernelCall(NamedTuple):
     block: Integers
 
 
+# Of functions of `SIGNATURE`: code stays where it is.
+ADDRESSES: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
+
+
 def code_address(function: Any) -> int:
     """Return where the code of a function of `SIGNATURE` is, which is compiled if it is not there."""
-    function.compile(SIGNATURE)
-    result = function.overloads[SIGNATURE]
-    return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+    address = ADDRESSES.get(function)
+    if address is None:
+        function.compile(SIGNATURE)
+        result = function.overloads[SIGNATURE]
+        address = ADDRESSES[function] = result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+    return address
 
 
 @intrinsic

@@ -31,6 +31,19 @@ def read_word(typing: Any, word: Any) -> Any:
     return types.int64(word), code
 
 
+@intrinsic
+def write_word(typing: Any, word: Any, value: Any) -> Any:
+    """Write the first number of an array, so that a thread that reads it sees what was written before."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+        builder.store_atomic(arguments[1], address, "release", 8)
+        return context.get_dummy_value()
+
+    return types.none(word, types.int64), code
+
+
 @compiled(nogil=True)
 def wait_while(word, value, looks):
     """Look at a word until it differs from a value, at most so often, and return what it is."""

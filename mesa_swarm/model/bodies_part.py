@@ -573,6 +573,13 @@ class BodiesPart(Part):
         _check_shape("load", shape)
         return self.add_pushed(shape, check_resistance(resistance), KINDS[LOAD])
 
+    def add_obstacles(self, shapes: Sequence[Shape]) -> None:
+        """Add the obstacles and marks of a map, to a world without loads and robots: all at once, which is quicker."""
+        for shape in shapes:
+            _check_shape("obstacle", shape)
+        Obstacle.of_shapes(self.space, self.model, self.table, shapes, KINDS[OBSTACLE], mode=FIXED)
+        self.scene_changed()
+
     def add_fixed(self, shape: Shape, kind: str) -> Obstacle:
         """Add an obstacle or a mark of a kind."""
         self._check_fine_enough(shape)

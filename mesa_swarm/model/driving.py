@@ -125,7 +125,8 @@ class Stretch(NamedTuple):
 
     def _drive(self) -> None:
         try:
-            self.driver.take(self.steps, self.completed, self.begun, self.rows, self.note)
+            with self.model.parts.robots.engine.at_work(self.rows):
+                self.driver.take(self.steps, self.completed, self.begun, self.rows, self.note)
         finally:
             self.settle()
 

@@ -182,8 +182,7 @@ class EngineModel(MesaModel):
         stand(StatePart())
         stand(EventsPart(self))
         with pause_collection():
-            for shape in self.map.obstacles:
-                self.add_obstacle(shape)
+            self._parts.bodies.add_obstacles(self.map.obstacles)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Let the parts of a copied or unpickled model take what they need of it."""

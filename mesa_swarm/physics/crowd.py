@@ -1,20 +1,22 @@
 """The robots in the order of cells: those near each other are near each other in memory."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import GridNumbers, cell_index, cells_of, sort_into_cells
+from mesa_swarm.geometry.grid import GridNumbers, cell_at, cell_index, cells_of, sort_into_cells
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.crew import share_rows
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.arcs import copy_places, largest_of
 from mesa_swarm.physics.contact import ContactArrays
 
 FEWEST_PAIRS = 64
-# In the state of pairs.
-SIZE, LISTED = 0, 1
+# A NumPy number: Numba would compile a function once more for a literal one that is passed to it.
+ALL = np.int64(0)
+# In the state of pairs: how many there are, whether they are of present places, how many overlap.
+SIZE, LISTED, OVERLAPS = 0, 1, 2
 
 
 class PushArrays(NamedTuple):
@@ -82,10 +84,35 @@ class CrowdArrays(NamedTuple):
 
 
 class PairArrays(NamedTuple):
-    """Room for pairs of robots near each other (m, 2); how many there are, and whether they are of present places."""
+    """Pairs of robots near each other, and scratch for separating them: room for m pairs.
+
+    `room` (m, 2) has the pairs, by ascending first row; `state` see `SIZE`. `own` has the pairs of each robot, see
+    `list_own_pairs`; `overlaps` those that overlap; `selection` those that are looked at, and `later` those whose
+    groups are left for later, in a range of each part of the rows; `strayed` which groups have gone too far.
+    """
 
     room: IntegerRows
     state: Integers
+    own: Integers
+    overlaps: Integers
+    selection: Integers
+    later: Integers
+    strayed: Flags
+
+    @classmethod
+    def of(cls, count: int, parts: int = 1) -> "PairArrays":
+        """Return room for a number of pairs and more, with rows cut into parts."""
+        m = parts * FEWEST_PAIRS + 2 * count
+        room, own, selection = np.empty((m, 2), np.int64), np.empty(2 * m, np.int64), np.empty(m + parts, np.int64)
+        overlaps, later = np.empty((2, m + 1), np.int64)
+        return cls(room, np.zeros(3, np.int64), own, overlaps, selection, later, np.zeros(m, np.bool_))
+
+    @classmethod
+    def of_pairs(cls, pairs: np.ndarray) -> "PairArrays":
+        """Return room with these pairs."""
+        near = cls.of(len(pairs))
+        near.room[: len(pairs)], near.state[SIZE] = pairs, len(pairs)
+        return near
 
 
 class Crowd:
@@ -97,12 +124,13 @@ class Crowd:
     near : PairArrays
     """
 
-    def __init__(self, grid: GridNumbers, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> None:
+    def __init__(
+        self, grid: GridNumbers, position: np.ndarray, radius: np.ndarray, number: np.ndarray, parts: int = 1
+    ) -> None:
         self.arrays = CrowdArrays.of(grid, position, radius, number)
-        self._block = Block(self.arrays)
-        self.near = PairArrays(_room_for(len(position)), np.zeros(2, np.int64))
+        self._block, self._parts = Block(self.arrays), parts
+        self.near = PairArrays.of(len(position), parts)
         self._pairs = Block(self.near)
-        self._rooms: dict[int, np.ndarray] = {}
 
     @property
     def block(self) -> np.ndarray:
@@ -128,7 +156,8 @@ class Crowd:
 
     def make_room(self) -> None:
         """Make room for as many pairs as were counted; those that there were are dropped."""
-        self.near = self.near._replace(room=_room_for(int(self.near.state[SIZE])))
+        state = self.near.state
+        self.near = PairArrays.of(int(state[SIZE]), self._parts)._replace(state=state)
         self._pairs.replace(self.near)
 
     def sort(self) -> None:
@@ -139,23 +168,6 @@ class Crowd:
         """List the pairs within this margin of each other."""
         self.pairs = near_pairs(self.arrays.reference, self.arrays.radii, margin, self.arrays.grid)
         self.near.state[LISTED] = True
-
-    def pairs_from(self, first: int, last: int, find: Callable[..., int], *arguments: Any) -> np.ndarray:
-        """Return the pairs of rows [first, last): ``find(*given, first, last, room)`` writes them.
-
-        It returns how many there are, also where there is not room for all.
-        """
-        room = self._rooms.get(first)
-        if room is None:
-            room = _room_for(last - first)
-        while (count := find(*arguments, first, last, room)) >= len(room):
-            room = _room_for(count)
-        self._rooms[first] = room
-        return room[:count]
-
-
-def _room_for(count: int) -> np.ndarray:
-    return np.empty((FEWEST_PAIRS + 2 * count, 2), np.int64)
 
 
 @compiled
@@ -173,13 +185,85 @@ def put_pairs(pairs, near):
 def sort_by_cell(crowd):
     """Sort robots by cell, and copy their places, radii and numbers in that order."""
     c = unpack(crowd, CrowdArrays)
+    sort_into_cells(c.position, c.grid, c.start, c.order, c.cell_of)
+    copy_sorted(crowd, ALL, ALL, len(c.order))
+
+
+@compiled(nogil=True, apart=True)
+def copy_sorted(crowd, step, first, last):
+    """Copy places, radii and numbers of robots p in [first, last) in the order of cells."""
+    c = unpack(crowd, CrowdArrays)
     position, radius, number, order, reference = c.position, c.radius, c.number, c.order, c.reference
     radii, numbers = c.radii, c.numbers
-    sort_into_cells(position, c.grid, c.start, order, c.cell_of)
-    for p in range(order.shape[0]):
+    for p in range(first, last):
         i = order[p]
         reference[p, 0], reference[p, 1] = position[i, 0], position[i, 1]
         radii[p], numbers[p] = radius[i], number[i]
+    return 0
+
+
+# ---- the same by threads: each step of sorting is a kernel of its own, of rows or of cells
+
+
+class SortCalls(NamedTuple):
+    """Addresses of `find_cells`, `fill_cells` and `copy_sorted`, zeros where no threads share the rows."""
+
+    find_cells: int
+    fill_cells: int
+    copy_sorted: int
+
+
+@compiled(nogil=True, apart=True)
+def sort_together(crew, calls, crowd):
+    """Do what `sort_by_cell` does, by threads."""
+    c = unpack(crowd, CrowdArrays)
+    n, cells = len(c.order), len(c.start) - 1
+    share_rows(crew, calls.find_cells, crowd, ALL, n)
+    share_rows(crew, calls.fill_cells, crowd, ALL, cells)
+    c.start[cells] = n
+    share_rows(crew, calls.copy_sorted, crowd, ALL, n)
+
+
+@compiled(nogil=True)
+def find_cells(crowd, step, first, last):
+    """Find the cells in which robots i in [first, last) are."""
+    c = unpack(crowd, CrowdArrays)
+    position, cell_of = c.position, c.cell_of
+    for i in range(first, last):
+        cell_of[i] = cell_at(position[i, 0], position[i, 1], c.grid)
+    return 0
+
+
+@compiled(nogil=True)
+def fill_cells(crowd, step, first, last):
+    """Sort the robots that are in cells [first, last) into these, behind those in earlier cells."""
+    c = unpack(crowd, CrowdArrays)
+    cell_of, start, order, rows = c.cell_of, c.start, c.order, c.scratch.members
+    before = within = 0
+    for i in range(len(cell_of)):
+        before += cell_of[i] < first
+        within += first <= cell_of[i] < last
+    # Without branches, which no processor could foresee: what does not count is written over.
+    count, i = 0, 0
+    while count < within:
+        rows[before + count] = i
+        count += first <= cell_of[i] < last
+        i += 1
+    own_rows = rows[before : before + within]
+    start[first:last] = 0
+    for i in own_rows:
+        start[cell_of[i]] += 1
+    place = before
+    for cell in range(first, last):
+        place, start[cell] = place + start[cell], place
+    for i in own_rows:
+        order[start[cell_of[i]]] = i
+        start[cell_of[i]] += 1
+    # Now each begins where the next one should.
+    for cell in range(last - 1, first, -1):
+        start[cell] = start[cell - 1]
+    start[first] = before
+    return 0
 
 
 @compiled(apart=True)

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import Any, cast
 
@@ -13,7 +14,7 @@ from mesa_swarm.kernels.block import Block, KernelCall, code_address
 from mesa_swarm.kernels.draws import Stream, stream_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.physics.arcs import write_achieved_motion, write_wheel_slip
-from mesa_swarm.physics.crowd import LISTED, Crowd
+from mesa_swarm.physics.crowd import LISTED, Crowd, SortCalls, copy_sorted, fill_cells, find_cells
 from mesa_swarm.physics.loads import (
     LoadArrays,
     find_stuck_loads,
@@ -24,7 +25,7 @@ from mesa_swarm.physics.loads import (
 )
 from mesa_swarm.physics.placing import settle_robots
 from mesa_swarm.physics.sector_tables import clearance_of, tables_of_sectors
-from mesa_swarm.physics.sensing import ChunkArrays, EyeArrays, sense_inside, sense_proximity
+from mesa_swarm.physics.sensing import ChunkArrays, EyeArrays
 from mesa_swarm.physics.sensor_noise import NO_NOISE, SensorNoise
 from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.stage_kernels import (
@@ -39,19 +40,25 @@ from mesa_swarm.physics.stage_kernels import (
     MoveArrays,
     ProximityArrays,
     SenseArrays,
+    SenseCalls,
     SettleArrays,
     WheelArrays,
-    finish_readings,
+    arrive,
     move_robots,
     move_robots_and_movers,
-    note_readings,
+    sense_alone,
+    sense_alone_beside_movers,
     sense_robots,
     sense_robots_and_movers,
+    sense_rows,
+    sense_rows_beside_movers,
+    sense_together,
+    set_out,
     settle_first,
 )
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.physics.threads import ROW_THREADS, OnRows
-from mesa_swarm.physics.travel import Blocks, RobotArrays, travel, travel_together
+from mesa_swarm.physics.threads import RowCrew
+from mesa_swarm.physics.travel import Blocks, RobotArrays, calls_of_travel, travel
 from mesa_swarm.robots.design import DRIVE_SPEED
 from mesa_swarm.robots.drive import KINDS_OF_DRIVES, Drive, accelerate, lose_motion, slip_wheels
 from mesa_swarm.robots.swarm import Swarm
@@ -62,6 +69,9 @@ CELLS_PER_ROBOT = 4
 FEWEST_ROWS = 10_000
 CONTACT_COLUMNS = ("contact_kind", "contact_index", "contact_normal", "contact_depth")
 Rows = list[tuple[Drive, Any]]
+# Of worlds without and with driven bodies: what senses alone and by threads, and what threads share.
+SENSING = sense_alone, sense_together, sense_rows
+SENSING_BESIDE_MOVERS = sense_alone_beside_movers, sense_together, sense_rows_beside_movers
 # Of a block that there is not.
 NO_NUMBERS = np.empty(0, np.int64)
 
@@ -79,6 +89,10 @@ class Engine(ABC):
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what refers to arrays: a copied or unpickled engine prepares anew."""
         return vars(type(self)()) | {"threads": self.threads}
+
+    def at_work(self, robots: int) -> AbstractContextManager:
+        """Return what lets threads share the steps of so many robots, as long as it lasts."""
+        return nullcontext()
 
     @abstractmethod
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
@@ -174,34 +188,36 @@ class CompiledEngine(Engine):
         self._driven: np.ndarray | None = None
         self._slip_stream: Generator | None = None
         self._turn_angle = np.zeros(1)
+        self._crew = RowCrew()
+
+    def at_work(self, robots: int) -> AbstractContextManager:
+        """Let threads share the rows of steps, where there are enough robots."""
+        return self._crew.at_work() if self._parts(robots) > 1 else nullcontext()
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
         """Write the columns distance, kind, radiation and line."""
-        n, kernel = len(swarm), self._sense_kernel_for(swarm, surroundings, noise)
-        if self._parts(n) > 1:
-            if swarm.columns["distance"].shape[1]:
-                self._sense_together(swarm, surroundings, n)
-            kernel = kernel._replace(function=finish_readings)
-        kernel.run(step + 1, n)
+        kernel = self._sense_kernel_for(swarm, surroundings, noise)
+        with self.at_work(len(swarm)):
+            kernel.run(step + 1, len(swarm))
 
     def move(
         self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, stream: Generator | None
     ) -> None:
-        """Move as `Engine.move` does, by a kernel; custom drives, and threads, stage by stage."""
-        kernel, n = self._move_kernel_for(swarm, surroundings, driven, stream), len(swarm)
-        if kernel is None or self._parts(n) > 1:
-            self._list_pairs()
-            super().move(swarm, surroundings, driven, turn_angle, stream)
-            return
-        self._turn_angle[ONLY] = turn_angle
-        kernel.run(0, n)
+        """Move as `Engine.move` does, by a kernel; custom drives stage by stage."""
+        kernel = self._move_kernel_for(swarm, surroundings, driven, stream)
+        with self.at_work(len(swarm)):
+            if kernel is None:
+                self._list_pairs()
+                super().move(swarm, surroundings, driven, turn_angle, stream)
+            else:
+                self._turn_angle[ONLY] = turn_angle
+                kernel.run(0, len(swarm))
 
     def sensing(
         self, swarm: Swarm, surroundings: Surroundings, noise: SensorNoise | None, due: Mapping[str, bool]
     ) -> dict[str, Any]:
-        """Return the kernel that reads all sensors, unless threads share the work."""
-        reasons = {"threads": self._parts(len(swarm)) > 1, **due}
-        return _fields(self._sense_kernel_for(swarm, surroundings, noise), reasons, "sense_proximity")
+        """Return the kernel that reads all sensors."""
+        return _fields(self._sense_kernel_for(swarm, surroundings, noise), due, "sense_proximity")
 
     def _sense_kernel_for(self, swarm: Swarm, surroundings: Surroundings, noise: SensorNoise | None) -> Kernel:
         """Return the kernel that senses, made anew when robots, bodies or the noise of sensors are others."""
@@ -214,21 +230,16 @@ class CompiledEngine(Engine):
     def moving(
         self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, stream: Generator | None
     ) -> dict[str, Any]:
-        """Return the kernel that moves robots and loads, unless there are custom drives or threads."""
+        """Return the kernel that moves robots and loads, unless there are custom drives."""
         kernel = self._move_kernel_for(swarm, surroundings, driven, stream)
         self._turn_angle[ONLY] = turn_angle
         custom = [type(drive).__name__ for drive, _ in self._drives if type(drive) not in KINDS_OF_DRIVES]
-        reasons = dict.fromkeys(custom, True) | {"threads": self._parts(len(swarm)) > 1}
-        return _fields(kernel, reasons, "travel_pieces")
+        return _fields(kernel, dict.fromkeys(custom, True), "travel_pieces")
 
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
         """Move as `Engine.travel` does; `motion` is `self._motion`, which the blocks hold already."""
         begin_way(surroundings)
-        crowd, n = self._crowd, len(swarm)
-        if self._parts(n) > 1:
-            crowd.pairs = travel_together(self._share, n, crowd.pairs, turn_angle, self._blocks)
-        else:
-            crowd.pairs = travel(crowd.pairs, turn_angle, self._blocks)
+        travel(self._crowd, turn_angle, self._travel.numbers, self._blocks)
         return self._extra_turn
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
@@ -243,45 +254,24 @@ class CompiledEngine(Engine):
             self._crowd.list_pairs(self._margin)
         self._crowd.near.state[LISTED] = False  # from here on they are elsewhere
 
-    def _sense_together(self, swarm: Swarm, surroundings: Surroundings, n: int) -> None:
-        """Write the exact readings of proximity sensors as the kernel does, the rows of robots in ranges."""
-        crowd, others = self._crowd, (self._crowd.block, self._blocks.movers)
-
-        def sense_rows(first: int, last: int) -> np.ndarray:
-            return crowd.pairs_from(first, last, sense_proximity, self._eyes_from(first).numbers, *others)
-
-        note_readings(self._error_numbers, swarm.columns["distance"], swarm.columns["kind"])
-        if surroundings.moving is not None:
-            surroundings.moving.look()
-        crowd.sort()
-        crowd.pairs = np.concatenate(self._share(n, sense_rows))
-        crowd.near.state[LISTED] = True
-        if swarm.table.exposed or swarm.disturbed:
-            sense_inside(*self._inside)
-
-    def _eyes_from(self, first: int) -> Block:
-        """Return the block of `EyeArrays` for rows from this one on, with scratch that no other range has."""
-        if first not in self._eyes_of_rows:
-            eyes = self._eye_arrays
-            self._eyes_of_rows[first] = Block(eyes._replace(chunk=ChunkArrays.of(eyes.distance.shape[1])))
-        return self._eyes_of_rows[first]
-
     def _parts(self, n: int) -> int:
         """Return into how many ranges n rows are cut."""
         return self.threads if n >= FEWEST_ROWS else 1
 
-    def _share(self, n: int, rows: OnRows) -> list[Any]:
-        """Call ``rows(first, last)`` for the ranges of n rows, in as many threads, and return the results."""
-        return ROW_THREADS.share(n, self._parts(n), rows)
+    def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        if self._crew.parts != self._parts(len(swarm)):
+            self._version = -1
+        super()._prepare(swarm, surroundings)
 
     def _renew(self, swarm: Swarm, surroundings: Surroundings) -> None:
         super()._renew(swarm, surroundings)
         n, columns, table, statics = len(swarm), swarm.columns, swarm.table, surroundings.statics
+        self._crew.parts = self._parts(n)
         largest = float(swarm.radius.max(initial=0.0))
         self._margin = MARGIN * float(swarm.radius.min(initial=largest))
         cell = max(2 * largest + self._margin, 1e-9)
         grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._crowd = Crowd(grid.numbers, columns["position"], columns["radius"], columns["number"])
+        self._crowd = Crowd(grid.numbers, columns["position"], columns["radius"], columns["number"], self._crew.parts)
         clearance = clearance_of(largest, table.reach, surroundings.bounds)
         self._eye_arrays = EyeArrays(
             largest_radius=largest,
@@ -302,7 +292,6 @@ class CompiledEngine(Engine):
             chunk=ChunkArrays.of(columns["distance"].shape[1]),
         )
         self._eyes = Block(self._eye_arrays)
-        self._eyes_of_rows = {0: self._eyes}
         outputs = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
         self._heat = Block(surroundings.radiating)
         self._extra_turn = np.zeros(n)
@@ -310,6 +299,7 @@ class CompiledEngine(Engine):
         self._robots, self._statics = Block(robots), Block(surroundings.still)
         movers = None if surroundings.moving is None else surroundings.moving.block
         self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
+        self._travel, self._shared = calls_of_travel(self._crew, self._crowd.block_of_pairs, self._blocks)
         self._sense_kernel = None
         self._move_kernel = self._driven = self._slip_stream = None
 
@@ -318,7 +308,8 @@ class CompiledEngine(Engine):
         columns, table, movers, statics = swarm.columns, swarm.table, self._blocks.movers, surroundings.statics
         robots = columns["position"], columns["heading"], columns["design"], table.proximity, table.counts
         walls = statics.edges, statics.kind, statics.rings, statics.bounds
-        self._inside = *robots, *walls, columns["distance"], columns["kind"]
+        inside = *robots, *walls, columns["distance"], columns["kind"]
+        calls, eyes = self._calls_of_sensing()
         blocks = self._eyes.numbers, self._crowd.block, NO_NUMBERS if movers is None else movers
         places = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
         shape, noise, marks = columns["distance"].shape, self._noise, surroundings.marks
@@ -335,12 +326,22 @@ class CompiledEngine(Engine):
         )
         heat = table.radiation, self._heat.numbers, columns["radiation"]
         devices = DeviceArrays(*heat, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
-        parts = Block(ProximityArrays(*blocks, *places, *self._inside)), Block(errors), Block(devices)
-        _, of_errors, _ = parts
-        self._error_numbers = of_errors.numbers
+        parts = Block(ProximityArrays(*blocks, *places, *inside, calls)), Block(errors), Block(devices)
         block = Block(SenseArrays(*(part.numbers for part in parts)))
         function = sense_robots if movers is None else sense_robots_and_movers
-        self._sense_kernel = Kernel(function, block.numbers, (block, parts), self._attend_sensing)
+        self._sense_kernel = Kernel(function, block.numbers, (block, parts, eyes), self._attend_sensing)
+
+    def _calls_of_sensing(self) -> tuple[SenseCalls, list[Block]]:
+        """Return what senses, and the blocks to which that refers besides the engine's."""
+        crew, eyes, none = self._crew, self._eye_arrays, np.empty((0, 0), np.int64)
+        alone, together, rows = SENSING if self._blocks.movers is None else SENSING_BESIDE_MOVERS
+        if crew.parts == 1:
+            return SenseCalls(code_address(alone), crew.numbers, SortCalls(0, 0, 0), 0, none, NO_NUMBERS), []
+        count, sorting = eyes.distance.shape[1], SortCalls(*map(code_address, (find_cells, fill_cells, copy_sorted)))
+        blocks = [Block(eyes._replace(chunk=ChunkArrays.of(count))) for _ in range(crew.parts)]
+        numbers, counts = np.array([block.numbers for block in blocks], np.int64), np.zeros(crew.parts, np.int64)
+        sense, sense_part = code_address(together), code_address(rows)
+        return SenseCalls(sense, crew.numbers, sorting, sense_part, numbers, counts), blocks
 
     def _attend_sensing(self, code: int) -> None:
         """Do what `sense_robots` cannot."""
@@ -367,7 +368,7 @@ class CompiledEngine(Engine):
         n, crowd, movers, room = len(swarm), self._crowd, self._blocks.movers, surroundings.room
         no_call, progress = KernelCall(0, NO_NUMBERS), np.zeros(3, np.int64)
         wheels = Block(wheels_of_swarm(swarm, driven, stream))
-        loads, calls, blocks = None, LoadCalls(False, no_call, no_call), [wheels]
+        loads, calls, blocks = None, LoadCalls(False, no_call, no_call), [wheels]  # type: tuple[Any, Any, list[Any]]
         if room is not None:
             loads = LoadArrays.of(surroundings, room, swarm.columns, self._motion)
             block = Block(loads)
@@ -382,14 +383,23 @@ class CompiledEngine(Engine):
             start=np.zeros((n, 2)),
             start_heading=np.zeros(n),
             wheels=wheels.numbers,
+            set_out=no_call,
+            arrive=no_call,
             loads=calls,
             robots=self._robots.numbers,
             crowd=crowd.block,
             statics=self._statics.numbers,
             movers=NO_NUMBERS if movers is None else movers,
             pairs=crowd.block_of_pairs,
+            travel=self._travel.numbers,
         )
         block = Block(arrays)
+        # Kernels of rows take the same block, whose numbers have no address before.
+        (set_out_call, kept), (arrive_call, kept_too) = (
+            self._crew.call_of(kernel, block.numbers) for kernel in (set_out, arrive)
+        )
+        block.replace(arrays._replace(set_out=set_out_call, arrive=arrive_call))
+        blocks += [kept, kept_too]
         function = move_robots if movers is None else move_robots_and_movers
         attend = partial(self._attend_moving, swarm, surroundings, loads)
         return Kernel(function, block.numbers, (block, blocks), attend)

@@ -11,7 +11,7 @@ from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import direction_of, hypot
 from mesa_swarm.physics.contact import SLOP, deepest_static, push_all_from_statics
-from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
+from mesa_swarm.physics.crowd import CrowdArrays, PairArrays, near_pairs
 from mesa_swarm.physics.separation import MARGIN, SETTLED, STRAYED, separate, separate_near
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.swarm import Swarm
@@ -35,9 +35,10 @@ def settle_robots(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -
     push_all_from_statics(crowd.rows, position, radius, solids, crowd.contacts, crowd.free)
     crowd.reference[:] = position
     pairs = near_pairs(position, radius, MARGIN * radius.min(), grid)
-    blocks = Block(crowd), Block(surroundings.still)
-    bodies = *(block.numbers for block in blocks), None if moving is None else moving.block
-    state = separate_near(*bodies, pairs, SWEEPS)
+    blocks = Block(crowd), Block(surroundings.still), Block(PairArrays.of_pairs(pairs))
+    crowd_block, statics, near = (block.numbers for block in blocks)
+    bodies = crowd_block, statics, None if moving is None else moving.block
+    state = separate_near(*bodies, near, SWEEPS)
     is_free_of_overlaps = state == SETTLED
     if state == STRAYED:
         is_free_of_overlaps, _ = separate(*bodies, pairs, SWEEPS)

@@ -12,6 +12,7 @@ from mesa_swarm.kernels.bits import lowest_bit
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import direction_of, hypot
+from mesa_swarm.kernels.prefetch import FEWEST_ROWS, fetch_to_read, fetch_to_write
 from mesa_swarm.kernels.type_names import CodeRows, Codes, IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.physics.arcs import recall_direction
 from mesa_swarm.physics.crowd import CrowdArrays
@@ -133,6 +134,7 @@ def sense_proximity(eyes, crowd, movers, first, last, pairs):
     for begin in range(first, last, CHUNK):
         end = min(begin + CHUNK, last)
         _begin_chunk(eyes, crowd, begin, end)
+        _fetch_rows(eyes, crowd, begin, end, min(end + CHUNK, last))
         found = _find_statics(eyes, crowd, unpack(eyes, EyeArrays).sight_cells, begin, end, NONE)
         if movers is not None:
             found = _find_statics(eyes, crowd, unpack(movers, MoverArrays).sight_cells, begin, end, found)
@@ -158,6 +160,28 @@ def _begin_chunk(eyes, crowd, begin, end):
             for s in range(LANES):
                 near[k, g, s] = table[designs[k] * groups + g, FAR, s]
                 kinds[k, LANES * g + s] = NOTHING
+
+
+@compiled
+def _fetch_rows(eyes, crowd, begin, end, end_of_next):
+    """Ask for what is written of some robots, and for what is read at the beginning of the next ones."""
+    e, c = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays)
+    order, heading, design, directions, distance, kind = (
+        c.order, e.heading, e.design, c.directions, e.distance, e.kind
+    )  # fmt: skip
+    if order.shape[0] < FEWEST_ROWS:
+        return
+    sensors, readings = distance.shape[1], distance.reshape(distance.size)
+    for p in range(begin, end):
+        i = order[p]
+        fetch_to_write(readings, i * sensors)
+        fetch_to_write(readings, i * sensors + sensors - 1)
+        fetch_to_write(kind, i)
+    for p in range(end, end_of_next):
+        i = order[p]
+        fetch_to_read(heading, i)
+        fetch_to_read(design, i)
+        fetch_to_read(directions, i)
 
 
 @compiled

@@ -15,8 +15,9 @@ from mesa_swarm.geometry.grid import cell_at
 from mesa_swarm.geometry.overlap import is_in_polygon
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.crew import part_of_row, share_rows
 from mesa_swarm.kernels.elementary import hypot
-from mesa_swarm.kernels.type_names import Flags, Integers, RealRows
+from mesa_swarm.kernels.type_names import IntegerRows, Integers
 from mesa_swarm.physics.arcs import copy_places, least_radius
 from mesa_swarm.physics.contact import (
     A_ROBOT,
@@ -29,7 +30,7 @@ from mesa_swarm.physics.contact import (
     push_all_from_statics,
     unpack_solids,
 )
-from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
+from mesa_swarm.physics.crowd import OVERLAPS, SIZE, CrowdArrays, PairArrays, near_pairs
 from mesa_swarm.physics.driven_bodies import return_bodies
 
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
@@ -38,28 +39,14 @@ MOST_SWEEPS, NONE = np.int64(128), np.int64(0)
 FRESH, LATER = np.int64(-2), np.int64(-1)
 # How separating a group has ended, from good to bad.
 SETTLED, STUCK, STRAYED = np.int64(0), np.int64(1), np.int64(2)
+# Places in the outcome of a part of the rows.
+LEFT, WORST = 0, 1
 # Pairs nearer than this share of the least radius are watched while pushing.
 MARGIN = 1.0
 
 
-# Functions that are called from Python take blocks: `crowd` of `CrowdArrays`, `statics` of `StaticArrays`, and `movers`
-# of `MoverArrays`, or None.
-
-
-class Groups(NamedTuple):
-    """Robots that pairs connect while they are separated: pairs of each robot as `pairs_by_robot` returns them.
-
-    By robot: its push, whether it is awake, its group, and where it was when separating began. `margin` is the distance
-    at which pairs were listed, map units.
-    """
-
-    start: Integers
-    own: Integers
-    push: RealRows
-    awake: Flags
-    group: Integers
-    begins: RealRows
-    margin: float
+# Functions that are called from Python take blocks: `crowd` of `CrowdArrays`, `statics` of `StaticArrays`, `movers` of
+# `MoverArrays`, or None, and `near` of `PairArrays`.
 
 
 @compiled(nogil=True)
@@ -96,63 +83,178 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
 
 
 @compiled(nogil=True, apart=True)
-def separate_near(crowd, statics, movers, pairs, most_sweeps):
+def separate_near(crowd, statics, movers, near, most_sweeps):
     """Do what `separate` does as long as no robot goes farther than half the margin, and return how that ended.
 
     `STRAYED` means that one has to go farther: all are where they were.
     """
-    state, overlaps = check_overlaps(crowd, pairs)
-    c = unpack(crowd, CrowdArrays)
-    if len(overlaps) == 0:
-        return state if c.free.all() else max(state, STUCK)
-    groups = start_groups(crowd, pairs)
-    _, state = separate_groups(
-        crowd, statics, movers, pairs, groups, overlaps, overlaps, most_sweeps, NONE, len(c.radii)
+    state, count = find_overlaps(crowd, near)
+    if count == 0:
+        return state if unpack(crowd, CrowdArrays).free.all() else max(state, STUCK)
+    start_groups(crowd, near)
+    p, n = unpack(near, PairArrays), len(unpack(crowd, CrowdArrays).radii)
+    begin = p.overlaps[:count]
+    _, state = separate_groups(crowd, statics, movers, near, begin, p.later, p.selection, most_sweeps, NONE, n)
+    return finish_separation(crowd, statics, movers, near, p.later[:NONE], most_sweeps, state)
+
+
+class SeparationArrays(NamedTuple):
+    """What kernels take that separate robots.
+
+    Blocks, `movers` empty without driven bodies; and where threads share the rows, who does, the address of
+    `separate_rows` or that with driven bodies, and for each part of the rows how many groups are left for later and the
+    worst state in which one has ended.
+    """
+
+    crowd: Integers
+    statics: Integers
+    movers: Integers
+    near: Integers
+    crew: Integers
+    separate: int
+    outcomes: IntegerRows
+
+
+@compiled(nogil=True)
+def separate_alone(block, step, first, last):
+    """Do what `separate_near` does, as a kernel that returns the state."""
+    a = unpack(block, SeparationArrays)
+    return separate_near(a.crowd, a.statics, None, a.near, MOST_SWEEPS)
+
+
+@compiled(nogil=True)
+def separate_alone_beside_movers(block, step, first, last):
+    """Do the same in a world with driven bodies."""
+    a = unpack(block, SeparationArrays)
+    return separate_near(a.crowd, a.statics, a.movers, a.near, MOST_SWEEPS)
+
+
+@compiled(nogil=True)
+def separate_together(block, step, first, last):
+    """Do the same by threads."""
+    return _separate_together(block, None, last)
+
+
+@compiled(nogil=True)
+def separate_together_beside_movers(block, step, first, last):
+    """Do the same by threads in a world with driven bodies."""
+    return _separate_together(block, unpack(block, SeparationArrays).movers, last)
+
+
+@compiled
+def _separate_together(block, movers, n):
+    a = unpack(block, SeparationArrays)
+    crowd, near, outcomes = a.crowd, a.near, a.outcomes
+    state, count = find_overlaps(crowd, near)
+    if count == 0:
+        return state if unpack(crowd, CrowdArrays).free.all() else max(state, STUCK)
+    start_groups(crowd, near)
+    p = unpack(near, PairArrays)
+    outcomes[:, :] = 0
+    share_rows(a.crew, a.separate, block, MOST_SWEEPS, n)
+    waiting, state = NONE, SETTLED
+    for part in range(len(outcomes)):
+        begin = first_pair_of(p, n * part // len(outcomes))
+        for k in range(outcomes[part, LEFT]):
+            p.later[waiting + k] = p.later[begin + k]
+        waiting += outcomes[part, LEFT]
+        state = max(state, outcomes[part, WORST])
+    return finish_separation(crowd, a.statics, movers, near, p.later[:waiting], MOST_SWEEPS, state)
+
+
+@compiled(nogil=True)
+def separate_rows(block, most_sweeps, first, last):
+    """Separate the groups that are within rows [first, last), for `share_rows`."""
+    return _separate_rows(block, None, most_sweeps, first, last)
+
+
+@compiled(nogil=True)
+def separate_rows_beside_movers(block, most_sweeps, first, last):
+    """Do the same in a world with driven bodies."""
+    return _separate_rows(block, unpack(block, SeparationArrays).movers, most_sweeps, first, last)
+
+
+@compiled
+def _separate_rows(block, movers, most_sweeps, first, last):
+    a = unpack(block, SeparationArrays)
+    p, n, parts = unpack(a.near, PairArrays), len(unpack(a.crowd, CrowdArrays).radii), len(a.outcomes)
+    part = part_of_row(first, n, parts)
+    # Pairs ascend by their first row: those of other parts are elsewhere, and so is what is written of them.
+    begin, end = first_pair_of(p, first), first_pair_of(p, last)
+    selection, later = p.selection[begin + part : end + part + 1], p.later[begin : end + 1]
+    overlaps = p.overlaps[: p.state[OVERLAPS]]
+    a.outcomes[part, LEFT], a.outcomes[part, WORST] = separate_groups(
+        a.crowd, a.statics, movers, a.near, overlaps, later, selection, most_sweeps, first, last
     )
-    return finish_separation(crowd, statics, movers, pairs, groups, overlaps, overlaps[:0], most_sweeps, state)
+    return 0
+
+
+@compiled
+def first_pair_of(near, row):
+    """Return the place of the first pair whose first robot is in this row or a later one."""
+    room, low, high = near.room, NONE, near.state[SIZE]
+    while low < high:
+        middle = (low + high) // 2
+        if room[middle, 0] < row:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @compiled(nogil=True, apart=True)
-def check_overlaps(crowd, pairs):
-    """Return `STRAYED` if robots went too far since pairs were listed, else `SETTLED`, and which pairs overlap."""
-    c = unpack(crowd, CrowdArrays)
-    position, radius = c.places, c.radii
+def find_overlaps(crowd, near):
+    """List the pairs that overlap by more than rounding; return a state, and how many.
+
+    The state is `STRAYED` if robots went too far since pairs were listed, of which then none counts, else `SETTLED`.
+    """
+    c, p = unpack(crowd, CrowdArrays), unpack(near, PairArrays)
+    position, radius, room, overlaps = c.places, c.radii, p.room, p.overlaps
+    p.state[OVERLAPS] = 0
     if 2.0 * farthest_of_all(c.reference, position) > MARGIN * least_radius(radius):
-        return STRAYED, find_overlaps(position, radius, pairs[:0])
-    return SETTLED, find_overlaps(position, radius, pairs)
+        return STRAYED, NONE
+    count = NONE
+    for k in range(p.state[SIZE]):
+        i, j = room[k, 0], room[k, 1]
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        overlaps[count] = k
+        count += radius[i] + radius[j] - math.sqrt(dx * dx + dy * dy) > SLOP * min(radius[i], radius[j])
+    p.state[OVERLAPS] = count
+    return SETTLED, count
 
 
 @compiled(nogil=True, apart=True)
-def start_groups(crowd, pairs):
-    """Return the groups before separating begins: none is known yet."""
-    c = unpack(crowd, CrowdArrays)
-    scratch, radius = c.scratch, c.radii
-    own, group = list_own_pairs(pairs, scratch.start), scratch.group
+def start_groups(crowd, near):
+    """Prepare the groups before separating begins: none is known yet."""
+    c, p = unpack(crowd, CrowdArrays), unpack(near, PairArrays)
+    scratch, group = c.scratch, c.scratch.group
+    list_own_pairs(p.room[: p.state[SIZE]], scratch.start, p.own)
     for i in range(len(group)):
         group[i] = FRESH
+    p.strayed[: p.state[OVERLAPS]] = False
     copy_places(c.places, scratch.begins)
-    return Groups(scratch.start, own, scratch.push, scratch.awake, group, scratch.begins, MARGIN * least_radius(radius))
 
 
 @compiled(nogil=True, apart=True)
-def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, most_sweeps, first, last):
-    """Separate groups of robots near each other in which pairs `all_overlaps` overlap; groups are independent.
+def separate_groups(crowd, statics, movers, near, begin, later, selection, most_sweeps, first, last):
+    """Separate groups of robots near each other in which pairs overlap; groups are independent.
 
     Only the groups that the pairs `begin` are in, and of these only those that are within rows [first, last). Return
-    the first pair of each of the others, which is left for later, and the worst state in which a group ends:
+    how many are left for later, the first pair of each in `later`, and the worst state in which a group ends:
     `SETTLED`; `STUCK` if robots overlap after `most_sweeps`; `STRAYED` if one has gone so far that it may have met
-    robots beyond its group, which is then left as it is.
+    robots beyond its group, which is then left as it is. `selection` has room for one more than all pairs of the rows.
     """
-    c, solids, margin = unpack(crowd, CrowdArrays), unpack_solids(statics, movers), groups.margin
+    c, p, solids = unpack(crowd, CrowdArrays), unpack(near, PairArrays), unpack_solids(statics, movers)
     position, radius, number, contacts, free, reference = c.places, c.radii, c.numbers, c.contacts, c.free, c.reference
-    start, own, push, awake, group = groups.start, groups.own, groups.push, groups.awake, groups.group
-    members, moved_rows = c.scratch.members[first:last], c.scratch.moved[first:last]
-    selection, count, later = collect_groups(first, last, begin, all_overlaps, pairs, start, own, group, members)
-    strayed, worst = np.zeros(len(begin), np.bool_), SETTLED
+    scratch, pairs, strayed, margin = c.scratch, p.room, p.strayed, MARGIN * least_radius(radius)
+    start, own, push, awake, group = scratch.start, p.own, scratch.push, scratch.awake, scratch.group
+    members, moved_rows, worst = scratch.members[first:last], scratch.moved[first:last], SETTLED
+    waiting = collect_groups(first, last, begin, pairs, start, own, group, members, later)
+    count = select_pairs(first, last, p.overlaps[: p.state[OVERLAPS]], pairs, group, selection)
     for _ in range(most_sweeps):
         overlaps = push_pairs(position, radius, number, pairs, selection[:count], push, contacts)
         if overlaps == 0:
-            return later, worst
+            return waiting, worst
         moving = apply_pushes(position, push, radius, pairs, selection[:overlaps], awake, moved_rows)
         push_all_from_statics(moved_rows[:moving], position, radius, solids, contacts, free)
         if 2.0 * farthest_from(reference, position, moved_rows[:moving]) > margin:
@@ -161,18 +263,16 @@ def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, 
         count = list_pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
             awake[moved_rows[k]] = False
-    return later, max(worst, STUCK)
+    return waiting, max(worst, STUCK)
 
 
 @compiled(apart=True)
-def collect_groups(first, last, begin, overlaps, pairs, start, own, group, members):
+def collect_groups(first, last, begin, pairs, start, own, group, members, later):
     """Give numbers to the groups that pairs `begin` belong to, where all of a group is within rows [first, last).
 
-    `members` is scratch. Return their pairs `overlaps` in an array with room for all, how many there are, and the first
-    pair of other groups.
+    `members` is scratch. Write the first pair of other groups into `later`, and return how many there are.
     """
-    later, waiting = np.empty(len(begin), np.int64), 0
-    all_rows = last - first == len(group)
+    waiting, all_rows = NONE, last - first == len(group)
     for number in range(len(begin)):
         i = pairs[begin[number], 0]
         if i < first or i >= last or group[i] >= 0 or (group[i] == LATER and not all_rows):
@@ -195,12 +295,19 @@ def collect_groups(first, last, begin, overlaps, pairs, start, own, group, membe
             waiting += 1
             for at in range(size):
                 group[members[at]] = LATER
-    selection, count = np.empty(len(pairs) + 1, np.int64), 0
+    return waiting
+
+
+@compiled
+def select_pairs(first, last, overlaps, pairs, group, selection):
+    """Select the pairs that overlap, of groups that have a number and begin in rows [first, last); return how many."""
+    count = NONE
     for k in overlaps:
         i = pairs[k, 0]
-        selection[count] = k
-        count += (first <= i < last) and group[i] >= 0
-    return selection, count, later[:waiting]
+        if first <= i < last and group[i] >= 0:
+            selection[count] = k
+            count += 1
+    return count
 
 
 @compiled
@@ -213,18 +320,20 @@ def mark_strayed(reference, position, moved_rows, margin, group, strayed):
 
 
 @compiled(nogil=True, apart=True)
-def finish_separation(crowd, statics, movers, pairs, groups, overlaps, later, most_sweeps, state):
+def finish_separation(crowd, statics, movers, near, later, most_sweeps, state):
     """Separate the groups that were left for `later`, and return the worst state; put all back if some have strayed."""
-    c, group = unpack(crowd, CrowdArrays), groups.group
+    c, p = unpack(crowd, CrowdArrays), unpack(near, PairArrays)
+    group = c.scratch.group
     if len(later):
         for i in range(len(group)):
             group[i] = min(group[i], LATER)
+        p.strayed[: len(later)] = False
         _, worst = separate_groups(
-            crowd, statics, movers, pairs, groups, later, overlaps, most_sweeps, NONE, len(group)
+            crowd, statics, movers, near, later, p.later[:NONE], p.selection, most_sweeps, NONE, len(group)
         )
         state = max(state, worst)
     if state == STRAYED:
-        copy_places(groups.begins, c.places)
+        copy_places(c.scratch.begins, c.places)
     elif not c.free.all():
         state = max(state, STUCK)
     return state
@@ -253,13 +362,14 @@ def farthest_from(reference, position, moved_rows):
 @compiled
 def pairs_by_robot(pairs, n):
     """Return the pairs of each robot: those of robot i are ``own[start[i]:start[i + 1]]``."""
-    start = np.empty(n + 1, np.int64)
-    return start, list_own_pairs(pairs, start)
+    start, own = np.empty(n + 1, np.int64), np.empty(2 * pairs.shape[0], np.int64)
+    list_own_pairs(pairs, start, own)
+    return start, own
 
 
 @compiled
-def list_own_pairs(pairs, start):
-    """Write where the pairs of each robot start, and return them, likewise."""
+def list_own_pairs(pairs, start, own):
+    """Write where the pairs of each robot start, and these, likewise."""
     n = len(start) - 1
     for i in range(n + 1):
         start[i] = 0
@@ -268,14 +378,12 @@ def list_own_pairs(pairs, start):
         start[pairs[k, 1]] += 1
     for i in range(n):
         start[i + 1] += start[i]
-    own = np.empty(2 * pairs.shape[0], np.int64)
     # From the end, so that start is the beginning of each when all are written, and its pairs ascend.
     for k in range(pairs.shape[0] - 1, -1, -1):
         for side in range(2):
             i = pairs[k, side]
             start[i] -= 1
             own[start[i]] = k
-    return own
 
 
 @compiled
@@ -294,18 +402,6 @@ def list_pairs_of(moved_rows, awake, pairs, start, own, selection, group, straye
             selection[count] = k
             count += not awake[other] or i < other
     return count
-
-
-@compiled
-def find_overlaps(position, radius, pairs):
-    """Return which pairs overlap by more than rounding."""
-    overlaps, count = np.empty(pairs.shape[0], np.int64), 0
-    for k in range(pairs.shape[0]):
-        i, j = pairs[k, 0], pairs[k, 1]
-        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-        overlaps[count] = k
-        count += radius[i] + radius[j] - math.sqrt(dx * dx + dy * dy) > SLOP * min(radius[i], radius[j])
-    return overlaps[:count]
 
 
 @compiled

@@ -9,6 +9,7 @@ import numpy as np
 
 from mesa_swarm.kernels.block import KernelCall, call_at, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.crew import part_of_row, share_rows
 from mesa_swarm.kernels.draws import Stream, draw_number
 from mesa_swarm.kernels.type_names import (
     CodeRows,
@@ -23,7 +24,17 @@ from mesa_swarm.kernels.type_names import (
 )
 from mesa_swarm.physics.arcs import copy_places, write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.contact import StaticArrays
-from mesa_swarm.physics.crowd import LISTED, SIZE, CrowdArrays, PairArrays, near_pairs, put_pairs, sort_by_cell
+from mesa_swarm.physics.crowd import (
+    LISTED,
+    SIZE,
+    CrowdArrays,
+    PairArrays,
+    SortCalls,
+    near_pairs,
+    put_pairs,
+    sort_by_cell,
+    sort_together,
+)
 from mesa_swarm.physics.driven_bodies import list_seen, return_to_start
 from mesa_swarm.physics.sensing import (
     EyeArrays,
@@ -50,11 +61,28 @@ BEGIN, SET_OUT, TRAVEL = range(3)
 FIRST = np.int64(0)
 
 
+class SenseCalls(NamedTuple):
+    """What senses, and what threads share of it.
+
+    The address of `sense_alone`, `sense_together` or those with driven bodies; who shares; the addresses of functions
+    that sort, and of `sense_rows`, zeros where no threads share; and for each part of the rows the numbers of its
+    `EyeArrays`, with scratch of its own, and how many pairs it has found.
+    """
+
+    sense: int
+    crew: Integers
+    sorting: SortCalls
+    sense_rows: int
+    eyes: IntegerRows
+    counts: Integers
+
+
 class ProximityArrays(NamedTuple):
     """What proximity sensors take: numbers of blocks, `movers` empty without driven bodies, and what is inside what.
 
     Sensors are looked for inside walls where robots are disturbed, or where `exposed` are beyond their bodies: by
-    columns and tables of the swarm, and the edges, their kinds, rings and bounds of `Statics`.
+    columns and tables of the swarm, and the edges, their kinds, rings and bounds of `Statics`. `calls` are
+    the kernels that sense.
     """
 
     eyes: Integers
@@ -74,6 +102,7 @@ class ProximityArrays(NamedTuple):
     bounds: Reals
     distance: RealRows
     kind: CodeRows
+    calls: SenseCalls
 
 
 class ErrorArrays(NamedTuple):
@@ -173,7 +202,8 @@ class MoveArrays(NamedTuple):
 
     The angle at which robots turn along faces; the margin of pairs; whether robots are disturbed; what is next of the
     step, its next piece, and how many pieces there are, while the step is interrupted; the poses before the step, which
-    are scratch; and the numbers of blocks, `movers` empty without driven bodies.
+    are scratch; the kernels `set_out` and `arrive`, which threads may share; and the numbers of blocks, `movers` empty
+    without driven bodies, `travel` that of `TravelCalls`.
     """
 
     turn_angle: Reals
@@ -183,12 +213,15 @@ class MoveArrays(NamedTuple):
     start: RealRows
     start_heading: Reals
     wheels: Integers
+    set_out: KernelCall
+    arrive: KernelCall
     loads: LoadCalls
     robots: Integers
     crowd: Integers
     statics: Integers
     movers: Integers
     pairs: Integers
+    travel: Integers
 
 
 @compiled(nogil=True)
@@ -203,12 +236,6 @@ def sense_robots_and_movers(block, step, first, last):
     return _sense(block, unpack(unpack(block, SenseArrays).proximity, ProximityArrays).movers, step, last)
 
 
-@compiled(nogil=True)
-def finish_readings(block, step, first, last):
-    """Do what follows on exact readings of proximity sensors: errors, readings that are held, and other sensors."""
-    return _finish(block, step)
-
-
 @compiled(apart=True)
 def _sense(block, movers, step, n):
     if n == 0:
@@ -219,19 +246,82 @@ def _sense(block, movers, step, n):
         note_readings(s.errors, p.distance, p.kind)
         if movers is not None:
             list_seen(movers, p.edges, unpack(p.eyes, EyeArrays).discs)
-        sort_by_cell(p.crowd)
-        pairs = unpack(p.pairs, PairArrays)
-        count = sense_proximity(p.eyes, p.crowd, movers, FIRST, n, pairs.room)
-        pairs.state[SIZE] = count
-        if count >= pairs.room.shape[0]:
+        if call_at(p.calls.sense, s.proximity, FIRST, FIRST, n) != DONE:
             return LIST
-        pairs.state[LISTED] = True
         if p.exposed or p.disturbed[ONLY]:
             sense_inside(
                 p.position, p.heading, p.design, p.sensors, p.counts, p.edges, p.static_kind, p.rings, p.bounds,
                 p.distance, p.kind,
             )  # fmt: skip
     return _finish(block, step)
+
+
+@compiled(nogil=True)
+def sense_alone(block, step, first, last):
+    """Sort robots by cell, write the readings of proximity sensors, and list the pairs near each other."""
+    return _sense_alone(block, None, last)
+
+
+@compiled(nogil=True)
+def sense_alone_beside_movers(block, step, first, last):
+    """Do the same in a world with driven bodies."""
+    return _sense_alone(block, unpack(block, ProximityArrays).movers, last)
+
+
+@compiled
+def _sense_alone(block, movers, n):
+    p = unpack(block, ProximityArrays)
+    near = unpack(p.pairs, PairArrays)
+    sort_by_cell(p.crowd)
+    count = sense_proximity(p.eyes, p.crowd, movers, FIRST, n, near.room)
+    near.state[SIZE] = count
+    near.state[LISTED] = count < near.room.shape[0]
+    return DONE if near.state[LISTED] else LIST
+
+
+@compiled(nogil=True)
+def sense_together(block, step, first, last):
+    """Do the same by threads, each of which lists pairs in a part of the room."""
+    p = unpack(block, ProximityArrays)
+    calls, near = p.calls, unpack(p.pairs, PairArrays)
+    room, counts, parts = near.room, calls.counts, len(calls.counts)
+    sort_together(calls.crew, calls.sorting, p.crowd)
+    counts[:] = 0
+    share_rows(calls.crew, calls.sense_rows, block, FIRST, last)
+    size = len(room) // parts
+    if counts.max() >= size:
+        near.state[SIZE], near.state[LISTED] = parts * (counts.max() + 1), 0
+        return LIST
+    count = FIRST
+    for part in range(parts):
+        for k in range(counts[part]):
+            room[count, 0], room[count, 1] = room[part * size + k, 0], room[part * size + k, 1]
+            count += 1
+    near.state[SIZE], near.state[LISTED] = count, 1
+    return DONE
+
+
+@compiled(nogil=True)
+def sense_rows(block, step, first, last):
+    """Write the readings of some rows, for `share_rows`."""
+    return _sense_rows(block, None, first, last)
+
+
+@compiled(nogil=True)
+def sense_rows_beside_movers(block, step, first, last):
+    """Do the same in a world with driven bodies."""
+    return _sense_rows(block, unpack(block, ProximityArrays).movers, first, last)
+
+
+@compiled
+def _sense_rows(block, movers, first, last):
+    p = unpack(block, ProximityArrays)
+    eyes, counts, room = p.calls.eyes, p.calls.counts, unpack(p.pairs, PairArrays).room
+    part = part_of_row(first, len(p.heading), len(counts))
+    size = len(room) // len(counts)
+    own_room = room[part * size : (part + 1) * size]
+    counts[part] = sense_proximity(eyes[part], p.crowd, movers, first, last, own_room)
+    return 0
 
 
 @compiled
@@ -298,9 +388,7 @@ def _move(block, movers, n):
         code = _go(block, movers, n)
     if code == DONE:
         progress[NEXT] = BEGIN
-        r = unpack(m.robots, RobotArrays)
-        write_achieved_motion(m.start, r.position, m.start_heading, r.extra_turn, r.collided, r.motion)
-        write_rolled_slip(m.wheels, r.collided, r.radius, r.motion)
+        call_at(m.arrive.address, m.arrive.block, FIRST, FIRST, n)
     return code
 
 
@@ -312,9 +400,8 @@ def _begin_move(block, n):
         return SETTLE
     if not unpack(m.pairs, PairArrays).state[LISTED] and not _list_pairs(block):
         return LIST
-    r = unpack(m.robots, RobotArrays)
-    roll_wheels(m.wheels, r.radius, r.motion)
-    _copy_poses(r.position, r.heading, m.start, m.start_heading)
+    draw_slip(m.wheels)
+    call_at(m.set_out.address, m.set_out.block, FIRST, FIRST, n)
     if m.loads.present:
         call_at(m.loads.push.address, m.loads.push.block, FIRST, FIRST, n)
     m.progress[NEXT] = SET_OUT
@@ -356,12 +443,11 @@ def _travel(block, movers):
     """Go through the pieces of the step from the next one on, and return whether there was room for all pairs."""
     m = unpack(block, MoveArrays)
     near, progress, crowd, statics = unpack(m.pairs, PairArrays), m.progress, m.crowd, m.statics
-    turn_angle, piece, pieces = m.turn_angle[ONLY], progress[PIECE], progress[PIECES]
-    pairs, state = near.room[: near.state[SIZE]], SETTLED + 1
+    turn_angle, piece, pieces, state = m.turn_angle[ONLY], progress[PIECE], progress[PIECES], SETTLED + 1
     while state != SETTLED:
-        piece, pieces, state = travel_pieces(piece, pieces, pairs, turn_angle, m.robots, crowd, statics, movers)
+        piece, pieces, state = travel_pieces(piece, pieces, turn_angle, m.travel, m.robots, crowd, statics, movers)
         if state != SETTLED:
-            pairs, piece = get_apart(state, pairs, crowd, statics, movers), piece + 1
+            pairs, piece = get_apart(state, near.room[: near.state[SIZE]], crowd, statics, movers), piece + 1
             if not put_pairs(pairs, near):
                 progress[PIECE], progress[PIECES] = piece, pieces
                 return False
@@ -375,20 +461,58 @@ def _copy_poses(position, heading, other_position, other_heading):
         other_heading[i] = heading[i]
 
 
+@compiled(nogil=True)
+def set_out(block, step, first, last):
+    """Let the wheels of some rows roll, and note the poses before the step."""
+    m = unpack(block, MoveArrays)
+    r = unpack(m.robots, RobotArrays)
+    roll_wheels(m.wheels, r.radius[first:last], r.motion[first:last], first, last)
+    _copy_poses(r.position[first:last], r.heading[first:last], m.start[first:last], m.start_heading[first:last])
+    return 0
+
+
+@compiled(nogil=True)
+def arrive(block, step, first, last):
+    """Write what some rows have achieved: the motion of robots that collided, and the slip of their wheels."""
+    m = unpack(block, MoveArrays)
+    r = unpack(m.robots, RobotArrays)
+    collided, motion = r.collided[first:last], r.motion[first:last]
+    write_achieved_motion(
+        m.start[first:last],
+        r.position[first:last],
+        m.start_heading[first:last],
+        r.extra_turn[first:last],
+        collided,
+        motion,
+    )
+    write_rolled_slip(m.wheels, collided, r.radius[first:last], motion, first, last)
+    return 0
+
+
 @compiled
-def roll_wheels(block, radius, motion):
-    """Write the speeds that acceleration and slip leave of those that are driven, and the motion that they make."""
+def draw_slip(block):
+    """Draw the numbers that decide which wheels slip, of all rows."""
     w = unpack(block, WheelArrays)
-    design, rolled, source = w.design, w.rolled, w.driven
-    if w.limited:
-        accelerate(w.driven, w.acceleration, design, w.sideways, w.speed)
-        source = w.speed
     if w.slips:
         draws = w.draws
         for i in range(draws.shape[0]):
             for k in range(draws.shape[1]):
                 draws[i, k] = draw_number(w.stream)
-        slip_wheels(source, w.probability, w.magnitude, design, draws, rolled)
+
+
+@compiled
+def roll_wheels(block, radius, motion, first, last):
+    """Write the speeds that acceleration and slip leave of those that are driven, and the motion that they make.
+
+    Of rows in [first, last), of which `radius` and `motion` are.
+    """
+    w = unpack(block, WheelArrays)
+    design, rolled, source = w.design[first:last], w.rolled[first:last], w.driven[first:last]
+    if w.limited:
+        accelerate(source, w.acceleration, design, w.sideways, w.speed[first:last])
+        source = w.speed[first:last]
+    if w.slips:
+        slip_wheels(source, w.probability, w.magnitude, design, w.draws[first:last], rolled)
     else:
         for i in range(rolled.shape[0]):
             for k in range(rolled.shape[1]):
@@ -401,23 +525,23 @@ def roll_wheels(block, radius, motion):
 
 
 @compiled
-def write_rolled_slip(block, collided, radius, motion):
+def write_rolled_slip(block, collided, radius, motion, first, last):
     """Write which share of the commands wheels did not roll, with what was taken before they were driven.
 
-    Wheels of robots that collided have rolled as these have achieved.
+    Wheels of robots that collided have rolled as these have achieved. Of rows in [first, last), likewise.
     """
     w = unpack(block, WheelArrays)
-    rolled, driven, slip = w.rolled, w.driven, w.slip
+    design, rolled, driven, slip = w.design[first:last], w.rolled[first:last], w.driven[first:last], w.slip[first:last]
     for i in range(rolled.shape[0]):
         if collided[i]:
-            motion_to_drive(i, w.kinds[w.design[i]], motion, radius, rolled)
+            motion_to_drive(i, w.kinds[design[i]], motion, radius, rolled)
     # Motors of limited acceleration roll on where none is driven: only the others have a share of what is driven.
     if w.spoiled and not w.limited:
         write_wheel_slip(driven, rolled, slip)
         for i in range(rolled.shape[0]):
             for k in range(rolled.shape[1]):
                 rolled[i, k] = driven[i, k] * (1.0 - slip[i, k])
-    write_wheel_slip(w.command, rolled, slip)
+    write_wheel_slip(w.command[first:last], rolled, slip)
 
 
 @compiled(nogil=True)

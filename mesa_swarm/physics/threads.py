@@ -1,13 +1,15 @@
 """Threads that share the rows of one step.
 
-A kernel that releases the GIL and writes only its own rows is called for ranges of them, `share`, by as many threads as
-there are ranges, but no more than processors: the results are the same bits for any number of threads. The threads wait
-for the next range in compiled code for a moment before they sleep, because waking takes longer than a small kernel.
-They belong to the process and serve one model at a time; another that steps meanwhile does all of its work itself.
+While a model of many robots takes steps, a `RowCrew` waits in compiled code for ranges of rows that kernels share, see
+`kernels.crew`; worlds that are stepped together are shared by `share`. There are as many threads as ranges, but no more
+than processors. They wait for the next job in compiled code for a moment before they sleep, because waking takes longer
+than a small kernel. They belong to the process and serve one model at a time; another that steps meanwhile does all of
+its work itself.
 """
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from queue import SimpleQueue
 from threading import Lock, Thread
@@ -16,12 +18,24 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.kernels.block import Block, KernelCall, code_address
+from mesa_swarm.kernels.crew import (
+    DONE,
+    HELPERS,
+    JOBS,
+    LOOKS,
+    MOST_THREADS,
+    PARTS,
+    REST,
+    CrewArrays,
+    SharedCall,
+    end_serving,
+    serve,
+    share_kernel,
+)
 from mesa_swarm.kernels.waiting import count_processors, wait_while
 
-MOST_THREADS = 256
 VARIABLE = "MESA_SWARM_THREADS"
-# Looks at a word before a thread sleeps: about a tenth of a millisecond.
-LOOKS = np.int64(4000)
 
 OnRows = Callable[[int, int], Any]
 
@@ -129,10 +143,34 @@ class RowThreads:
         finally:
             self._lock.release()
 
-    def _share(self, parts: list[tuple[int, int]], rows: OnRows) -> list[Any]:
-        helping = min(len(parts), count_processors()) - 1
+    @contextmanager
+    def serving(self, parts: int) -> Iterator[int]:
+        """Let threads wait for ranges of rows, see `share_rows`, and yield how many do; 0 if another model has them."""
+        helping = min(parts, count_processors()) - 1
+        if helping < 1 or not self._lock.acquire(blocking=False):
+            yield 0
+            return
+        busy = 0
+        try:
+            for thread, job, done in zip(self._helpers(helping), JOBS, DONE, strict=False):
+                thread.start_job(partial(serve, job, done, REST))
+                busy += 1
+            yield helping
+        finally:
+            end_serving(busy)
+            errors = [error for error in [thread.wait_for_job() for thread in self._threads[:busy]] if error]
+            self._lock.release()
+        if errors:
+            raise errors[0]
+
+    def _helpers(self, helping: int) -> list[RowThread]:
         while len(self._threads) < helping:
             self._threads.append(RowThread())
+        return self._threads[:helping]
+
+    def _share(self, parts: list[tuple[int, int]], rows: OnRows) -> list[Any]:
+        helping = min(len(parts), count_processors()) - 1
+        busy = self._helpers(helping)
         crews = [list(range(begin, end)) for begin, end in split_rows(len(parts), helping + 1)]
         results: list[Any] = [None] * len(parts)
 
@@ -140,7 +178,6 @@ class RowThreads:
             for part in crew:
                 results[part] = rows(*parts[part])
 
-        busy = self._threads[:helping]
         for thread, crew in zip(busy, crews[1:], strict=True):
             thread.start_job(partial(work, crew))
         try:
@@ -154,5 +191,54 @@ class RowThreads:
 
 
 ROW_THREADS = RowThreads()
-if hasattr(os, "register_at_fork"):  # threads are not copied
-    os.register_at_fork(after_in_child=ROW_THREADS.__init__)  # type: ignore[misc]
+
+
+def _forget_threads() -> None:
+    """Begin anew in a process that was forked: threads are not copied."""
+    ROW_THREADS.__init__()  # type: ignore[misc]
+    JOBS[:], DONE[:] = 0, 0
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_threads)
+
+
+class RowCrew:
+    """The threads that share the rows of a model in compiled code.
+
+    Attributes
+    ----------
+    numbers : int64 ndarray
+        Of a block of `CrewArrays`, as `share_rows` takes it.
+    """
+
+    def __init__(self) -> None:
+        self._size = np.array([1, 0], np.int64)
+        self._block = Block(CrewArrays(self._size, JOBS, DONE, REST))
+        self.numbers = self._block.numbers
+
+    @property
+    def parts(self) -> int:
+        """Into how many ranges rows are cut."""
+        return int(self._size[PARTS])
+
+    @parts.setter
+    def parts(self, parts: int) -> None:
+        self._size[PARTS] = parts
+
+    def call_of(self, kernel: Any, block: np.ndarray) -> tuple[KernelCall, Block | None]:
+        """Return the call of a kernel for all rows, shared if there is more than one range, and what it refers to."""
+        if self.parts == 1:
+            return KernelCall(code_address(kernel), block), None
+        shared = Block(SharedCall(self.numbers, code_address(kernel), block))
+        return KernelCall(code_address(share_kernel), shared.numbers), shared
+
+    @contextmanager
+    def at_work(self) -> Iterator[None]:
+        """Let threads help, those that no other model has, as long as this lasts."""
+        with ROW_THREADS.serving(self.parts) as helpers:
+            self._size[HELPERS] = helpers
+            try:
+                yield
+            finally:
+                self._size[HELPERS] = 0

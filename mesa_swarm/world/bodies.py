@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 import shapely
@@ -275,24 +275,40 @@ class BodyTable:
 
     def add(self, body: Any, shape: Shape, form: Form | None = None, *, mode: int, kind: int, **values: Any) -> None:
         """Append the row of a body; a form has one that may move. Columns without a value have their usual one."""
-        row = len(self.agents)
-        body.table, body.row = self, row
-        self.agents.append(body)
-        self.forms.append(form)
-        self._shape_cache.append((None, shape))
+        self.add_all([body], [shape], [form], mode=mode, kind=kind, **values)
+
+    def add_all(
+        self, bodies: Sequence[Any], shapes: Sequence[Shape], forms: Sequence[Form | None] = (), **values: Any
+    ) -> None:
+        """Append the rows of bodies; `values` are those of all of them, or one a body."""
+        first, count = len(self.agents), len(bodies)
+        forms = forms or [None] * count
+        for row, body in enumerate(bodies, first):
+            body.table, body.row = self, row
+        self.agents += bodies
+        self.forms += forms
+        self._shape_cache += [(None, shape) for shape in shapes]
         self._others = None
-        if row == len(self._room["mode"]):  # room for half as many again
+        self._make_room(first, first + count)
+        of_shapes = {
+            "position": [shape.position for shape in shapes],
+            "contact": [shape.contact for shape in shapes],
+            "radius": [shape.radius for shape in shapes],
+            "reach": [0.0 if form is None else form.reach for form in forms],
+        }
+        for name, value in {**of_shapes, "aim": of_shapes["position"], **values}.items():
+            self._room[name][first : first + count] = value
+        self._publish()
+
+    def _make_room(self, first: int, last: int) -> None:
+        """Write the usual values into rows, for which room is made, and for half as many again."""
+        if last > len(self._room["mode"]):
+            more = max(last - first, 4 + first // 2)
             for name, usual in self.columns.items():
-                self._room[name] = np.concatenate([self._room[name], np.repeat(usual, 4 + row // 2, axis=0)])
+                self._room[name] = np.concatenate([self._room[name][:first], np.repeat(usual, more, axis=0)])
         else:
             for name, usual in self.columns.items():
-                self._room[name][row] = usual[0]
-        radius, reach = shape.radius, 0.0 if form is None else form.reach
-        place = {"position": shape.position, "aim": shape.position}
-        values = {**place, "contact": shape.contact, "radius": radius, "reach": reach, **values}
-        for name, value in {"mode": mode, "kind": kind, **values}.items():
-            self._room[name][row] = value
-        self._publish()
+                self._room[name][first:last] = usual
 
     def drop(self, body: Any) -> None:
         """Remove the row of a body, which keeps what it was in a table of its own."""
@@ -424,6 +440,17 @@ class Body(ArenaAgent):
     ) -> None:  # fmt: skip
         super().__init__(space, model)
         table.add(self, shape, form, kind=table.kinds.index(kind), **values)
+
+    @classmethod
+    def of_shapes(
+        cls, space: Arena, model: Model, table: BodyTable, shapes: Sequence[Shape], kind: str, **values: Any
+    ) -> list[Self]:
+        """Return bodies of these shapes that do not move by themselves, added to the table together."""
+        bodies = [cls.__new__(cls) for _ in shapes]
+        for body in bodies:
+            super(Body, body).__init__(space, model)
+        table.add_all(bodies, shapes, kind=table.kinds.index(kind), **values)
+        return bodies
 
     def __repr__(self) -> str:
         if self.space is None:

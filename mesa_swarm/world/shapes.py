@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TypeGuard
+from typing import Any, TypeGuard, cast
 
 import numpy as np
 import shapely
@@ -39,6 +39,9 @@ class Shape:
     geometry: Point | Polygon
     radius: float = 0.0
     contact: bool = field(default=True, kw_only=True)
+    # What Shapely computes of it, once: worlds of one map share its shapes.
+    _centre: np.ndarray | None = field(default=None, init=False, repr=False)
+    _hash: int | None = field(default=None, init=False, repr=False)
 
     @property
     def is_disc(self) -> bool:
@@ -62,21 +65,33 @@ class Shape:
     @property
     def position(self) -> np.ndarray:
         """The centre of a disc, or a polygon's centroid."""
-        centre = self.geometry if self.is_disc else shapely.centroid(self.geometry)
-        return read_only(shapely.get_coordinates(centre)[0])
+        if self._centre is None:
+            centre = self.geometry if self.is_disc else shapely.centroid(self.geometry)
+            object.__setattr__(self, "_centre", read_only(shapely.get_coordinates(centre)[0]))
+        return cast(np.ndarray, self._centre)
 
     def __eq__(self, other: object) -> bool:
         """Compare coordinates, radius and contact exactly."""
         if not isinstance(other, Shape):
             return NotImplemented
-        return self._key() == other._key()
+        return self is other or self._key() == other._key()
 
     def __hash__(self) -> int:
         """Hash what equality compares."""
-        return hash(self._key())
+        if self._hash is None:
+            object.__setattr__(self, "_hash", hash(self._key()))
+        return cast(int, self._hash)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how a copy is made: hashes are others in other processes."""
+        return _make_shape, (type(self), self.geometry, self.radius, self.contact)
 
     def _key(self) -> tuple:
         return self.geometry.wkb, self.radius, self.contact
+
+
+def _make_shape(kind: type[Shape], geometry: Point | Polygon, radius: float, contact: bool) -> Shape:
+    return kind(geometry, radius, contact=contact)
 
 
 def disc(centre: Coordinates, radius: float, *, contact: bool = True) -> Shape:

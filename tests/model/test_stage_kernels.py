@@ -36,7 +36,6 @@ from mesa_swarm.kernels.part import Phase
 from mesa_swarm.kernels.plan import call_when_due
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import find_model
-from mesa_swarm.physics import engine as engine_module
 from mesa_swarm.physics.driven_bodies import WORN
 from mesa_swarm.physics.stage_kernels import BLOCK, LIST, RETURN
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
@@ -501,10 +500,6 @@ def geared(model):
     model.add_robots(replace(AGENT9, drive=Geared()), 1)
 
 
-def shared(model):
-    model.threads = 2
-
-
 def acting(model):
     model.control = VectorSum(OwnAvoid(name="OwnAvoid"), Explore())
 
@@ -512,15 +507,13 @@ def acting(model):
 # What changes a model, and why which stage has no kernel then.
 REASONS = {
     "drives": ({}, geared, {MOVE: "Geared"}),
-    "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
     "layers of a user's": ({}, acting, {DECIDE: "OwnAvoid"}),
     "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
 }
 
 
 @pytest.mark.parametrize(("arguments", "change", "reasons"), REASONS.values(), ids=REASONS)
-def test_the_plan_names_why_a_stage_has_no_kernel(arguments, change, reasons, monkeypatch):
-    monkeypatch.setattr(engine_module, "FEWEST_ROWS", 2)
+def test_the_plan_names_why_a_stage_has_no_kernel(arguments, change, reasons):
     model = SwarmModel(rng=1, **arguments)
     model.add_robots(AGENT9, 3)
     change(model)

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from mesa_swarm import Map, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.base.errors import PlacementError
+from mesa_swarm.kernels.block import Block
 from mesa_swarm.physics import contact, separation, shapely_engine
 from mesa_swarm.physics import placing as settle
 from mesa_swarm.physics.contact import SLOP, Contacts, coincident_direction
-from mesa_swarm.physics.crowd import near_pairs
-from mesa_swarm.physics.separation import MOST_SWEEPS
+from mesa_swarm.physics.crowd import PairArrays, near_pairs
+from mesa_swarm.physics.separation import MOST_SWEEPS, SETTLED
 from mesa_swarm.physics.shapely_engine import is_apart_from_robots
 from mesa_swarm.world.statics import BORDER, FIRE, LOAD, OBSTACLE, ROBOT
 from support.scenes import PROMISED
@@ -168,7 +169,9 @@ def test_overlaps_of_robots_up_to_rounding_of_the_smaller_one_are_left(share):
     position = np.array([[30.0, 10.0], [30.0 + 8.0 - share * SLOP * 3.0, 10.0]])
     pairs, push = np.array([[0, 1]]), np.zeros((2, 2))
     ours, _ = contacts_of(2)
-    assert len(separation.find_overlaps(position, radius, pairs)) == deep
+    _robots, (crowd_block, *_) = crowd_in(WORLD, position, radius)
+    assert separation.find_overlaps(crowd_block, Block(near := PairArrays.of_pairs(pairs)).numbers) == (SETTLED, deep)
+    assert near.overlaps[:deep].tolist() == [0] * deep
     count = separation.push_pairs(position, radius, np.arange(2), pairs, np.zeros(1, np.int64), push, ours)
     assert count == deep
     assert len(shapely_engine.overlapping_pairs(position, radius)) == deep

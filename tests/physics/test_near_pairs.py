@@ -9,9 +9,19 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, Map, SwarmModel
 from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.kernels.block import code_address
 from mesa_swarm.physics import engine
-from mesa_swarm.physics.crowd import Crowd, near_pairs
+from mesa_swarm.physics.crowd import (
+    Crowd,
+    SortCalls,
+    copy_sorted,
+    fill_cells,
+    find_cells,
+    near_pairs,
+    sort_together,
+)
 from mesa_swarm.physics.separation import list_pairs_of, pairs_by_robot
+from mesa_swarm.physics.threads import RowCrew
 from support.random_worlds import Commanded
 
 seeds, few, margins, sizes = st.integers(0, 2**32 - 1), st.integers(0, 60), st.floats(0, 30), st.floats(20, 400)
@@ -75,6 +85,20 @@ def test_the_pairs_of_robots_that_moved_are_found_once_each(seed, n, count):
     found = chosen[: list_pairs_of(moved, awake, pairs, start, own, chosen, group, strayed)]
     assert sorted(found.tolist()) == np.flatnonzero(awake[pairs].any(axis=1)).tolist()
     assert list_pairs_of(moved, awake, pairs, start, own, chosen, np.full(n, 2), strayed) == 0
+
+
+@given(seeds, few, sizes, st.integers(2, 9))
+def test_threads_sort_as_one_does(seed, n, size, parts):
+    position, radius, grid = robots(seed, n, size)
+    one, several = (Crowd(grid.numbers, position, radius, np.arange(n)) for _ in range(2))
+    one.sort()
+    crew = RowCrew()
+    crew.parts = parts
+    calls = SortCalls(*map(code_address, (find_cells, fill_cells, copy_sorted)))
+    with crew.at_work():
+        sort_together(crew.numbers, calls, several.block)
+    for name in ("start", "order", "cell_of", "reference", "radii", "numbers"):
+        assert (getattr(several.arrays, name) == getattr(one.arrays, name)).all(), name
 
 
 @pytest.mark.parametrize("threads", [1, 2])

@@ -17,7 +17,7 @@ from support.waiting import Deadline
 MEGABYTE = 1 << 20
 # An input that sleeps uses no CPU: it counts as hung after this multiple of its CPU limit.
 PATIENCE = 25
-# Tries of an input that takes too much CPU, the least of which counts: on a busy host processors share caches and memory.
+# Tries of an input that takes too much CPU, the least of which counts: a busy host makes each slower.
 TRIES = 3
 LONGEST_REFUSAL = 300
 INPUTS_PER_PROCESS = 200
