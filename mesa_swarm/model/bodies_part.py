@@ -577,7 +577,8 @@ class BodiesPart(Part):
         """Add the obstacles and marks of a map, to a world without loads and robots: all at once, which is quicker."""
         for shape in shapes:
             _check_shape("obstacle", shape)
-        Obstacle.of_shapes(self.space, self.model, self.table, shapes, KINDS[OBSTACLE], mode=FIXED)
+        if shapes:
+            Obstacle.of_shapes(self.space, self.model, self.table, shapes, KINDS[OBSTACLE], mode=FIXED)
         self.scene_changed()
 
     def add_fixed(self, shape: Shape, kind: str) -> Obstacle:
