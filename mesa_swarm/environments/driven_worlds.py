@@ -88,7 +88,7 @@ class DrivenWorld:
         self._made_for: MadeFor | None = None
         self._robots = 0
         self._reading: tuple[Any, ...] = ()  # after which step, and of which robots and bodies, sensors were read
-        for array in arrays:
+        for array in arrays[1:]:  # shares are those of the step that is about to be taken
             array[row] = 0
 
     def is_ready(self) -> bool:

@@ -20,6 +20,7 @@ from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.kernels.plan import BEGUN
 from mesa_swarm.model.worlds import call_worlds
 from mesa_swarm.physics.threads import check_threads
+from mesa_swarm.robots.swarm import RESIZED
 
 if TYPE_CHECKING:  # optional
     from gymnasium.spaces import Box
@@ -29,6 +30,8 @@ LARGEST_SEED = 2**63
 VARYING = 1
 # When the next episode of a world begins, in Gymnasium's words (the values of its AutoresetMode).
 SAME_STEP, NEXT_STEP, DISABLED = "SameStep", "NextStep", "Disabled"
+# Worlds of which a step is taken, and all that is done in Python, before the next ones.
+WORLDS = 64
 AUTORESET_MODES = (SAME_STEP, NEXT_STEP, DISABLED)
 Infos = dict[str, Any]
 
@@ -118,6 +121,7 @@ class VectorSwarmEnv:
         self._arrays = StepArrays.of(self.n_worlds, self.commanded, task.numbers, self.width)
         self._driven: list[DrivenWorld | None] = []
         self._is_ready = np.zeros(self.n_worlds, bool)
+        self._resized = RESIZED[0]
         self._states: StateEncoder | None = None
         self._space: Box | None = None
         self._generators = [np.random.default_rng() for _ in range(self.n_worlds)]
@@ -206,13 +210,19 @@ class VectorSwarmEnv:
         return observations, reward, terminated, truncated, infos
 
     def _take_step(self, is_new: np.ndarray) -> None:
-        """Take a step in each world that has not just begun: of all that can be in one compiled call."""
-        together = self._is_ready & ~is_new
-        if together.any():
-            self._drive([driven for driven, is_driven in zip(self._driven, together, strict=True) if is_driven])
-        arrays = self._arrays
+        """Take a step in each world that has not just begun: of those that can in compiled calls."""
+        self._is_ready[:], errors = False, []
+        rows = np.flatnonzero(~is_new).tolist()
         # All that is of one world at once, while its arrays are in the processor's cache.
-        for w in np.flatnonzero(~(together | is_new)).tolist():
+        for first in range(0, len(rows), WORLDS * self.threads):
+            try:
+                self._drive(self._list_ready(rows[first : first + WORLDS * self.threads]))
+            except BaseException as error:  # raised when all have taken their step
+                errors.append(error)
+        if errors:
+            raise errors[0]
+        arrays = self._arrays
+        for w in np.flatnonzero(~(self._is_ready | is_new)).tolist():
             world = self.worlds[w]
             k = world.commanded
             world.advance(arrays.shares[w, :k], arrays.reward[w, :k])
@@ -220,8 +230,22 @@ class VectorSwarmEnv:
             world.roster().spread(world.swarm.columns["collided"], arrays.collided[w, :k])
             arrays.finished[w], arrays.late[w] = world.finished, world.out_of_time
 
-    def _drive(self, together: list[Any]) -> None:
+    def _list_ready(self, rows: list[int]) -> list[DrivenWorld]:
+        """Return which of some worlds can take their step in a compiled call."""
+        ready = []
+        for w in rows:
+            driven, world = self._driven[w], self.worlds[w]
+            if driven is None or driven.world is not world:
+                driven = self._driven[w] = DrivenWorld(world, self._arrays, w)
+            if driven.is_ready():
+                self._is_ready[w] = True
+                ready.append(driven)
+        return ready
+
+    def _drive(self, together: list[DrivenWorld]) -> None:
         """Take a step of worlds in one compiled call."""
+        if not together:
+            return
         blocks = np.array([driven.numbers for driven in together])
         orders = np.array([driven.begin_step() for driven in together], np.int64)
         try:
@@ -244,13 +268,10 @@ class VectorSwarmEnv:
                 'Gymnasium reset(options={"reset_mask": ...}), of the worlds whose episodes are over'
             )
         self._driven += [None] * (self.n_worlds - len(self._driven))
-        for w, world in enumerate(self.worlds):
-            driven = self._driven[w]
-            if driven is None or driven.world is not world:
-                driven = self._driven[w] = DrivenWorld(world, self._arrays, w)
-            self._is_ready[w] = driven.is_ready()
-            if not self._is_ready[w]:
+        if self._resized != RESIZED[0]:  # of any model, since this environment has made its worlds
+            for world in self.worlds:
                 world.roster()  # refuses robots that were added, before any world advances
+            self._resized = RESIZED[0]
 
     def state(self) -> np.ndarray:
         """Return the states of all worlds for a central critic, float32, shape (worlds, numbers); see `StateEncoder`.
@@ -300,7 +321,10 @@ class VectorSwarmEnv:
         self.worlds[w].observe(rows[:k])
 
     def _new_world(self, w: int, options: Options | None) -> tuple[TaskWorld, Conditions]:
-        return new_world(self.task, self.commanded, self._generators[w], options)
+        before = RESIZED[0]
+        made = new_world(self.task, self.commanded, self._generators[w], options)
+        self._resized += RESIZED[0] - before
+        return made
 
     def _note_begun(self, is_new: np.ndarray) -> None:
         """Note which worlds have begun an episode, and which robots these have."""

@@ -1,6 +1,7 @@
 """The part `events`: what happened in a run, by name, as arrays that grow."""
 
 from array import array
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -133,18 +134,17 @@ class EventsPart(Part):
     def __init__(self, model: Any) -> None:
         self.model = model
         self.log = EventLog()
-        # Events that compiled functions have reported since, with codes of their own.
-        self.buffer = EventBuffer.empty()
         self._reported: list[str] = []
 
+    @cached_property
+    def buffer(self) -> EventBuffer:
+        """Events that compiled functions have reported since, with codes of their own; large, where there are such."""
+        return EventBuffer.empty()
+
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the buffer, which is large: its events are added to the log before."""
+        """Leave out the buffer: its events are added to the log before."""
         self.flush()
         return {name: value for name, value in self.__dict__.items() if name != "buffer"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Begin with an empty buffer."""
-        self.__dict__.update(state, buffer=EventBuffer.empty())
 
     def code_of(self, name: str) -> int:
         """Return the code of events of a name in the buffer."""
@@ -154,6 +154,8 @@ class EventsPart(Part):
 
     def flush(self) -> None:
         """Add to the log what compiled functions have reported."""
+        if not self._reported:
+            return
         buffer = self.buffer
         count, buffer.filled[ONLY] = int(buffer.filled[ONLY]), 0
         columns = (buffer.step, buffer.code, buffer.unique_id, buffer.value)

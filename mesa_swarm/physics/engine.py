@@ -289,7 +289,7 @@ class CompiledEngine(Engine):
             sight_cells=statics.sight_cells,
             distance=columns["distance"],
             kind=columns["kind"],
-            chunk=ChunkArrays.of(columns["distance"].shape[1]),
+            chunk=ChunkArrays.of(columns["distance"].shape[1], n),
         )
         self._eyes = Block(self._eye_arrays)
         outputs = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
@@ -337,8 +337,8 @@ class CompiledEngine(Engine):
         alone, together, rows = SENSING if self._blocks.movers is None else SENSING_BESIDE_MOVERS
         if crew.parts == 1:
             return SenseCalls(code_address(alone), crew.numbers, SortCalls(0, 0, 0), 0, none, NO_NUMBERS), []
-        count, sorting = eyes.distance.shape[1], SortCalls(*map(code_address, (find_cells, fill_cells, copy_sorted)))
-        blocks = [Block(eyes._replace(chunk=ChunkArrays.of(count))) for _ in range(crew.parts)]
+        (n, count), sorting = eyes.distance.shape, SortCalls(*map(code_address, (find_cells, fill_cells, copy_sorted)))
+        blocks = [Block(eyes._replace(chunk=ChunkArrays.of(count, n))) for _ in range(crew.parts)]
         numbers, counts = np.array([block.numbers for block in blocks], np.int64), np.zeros(crew.parts, np.int64)
         sense, sense_part = code_address(together), code_address(rows)
         return SenseCalls(sense, crew.numbers, sorting, sense_part, numbers, counts), blocks

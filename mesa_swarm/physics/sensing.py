@@ -41,8 +41,8 @@ TOUCH = 1e-6
 ROUNDING = 1e-3
 # Robots whose readings are made together: few enough to stay in the nearest cache.
 CHUNK = 128
-# Discs near these robots that are noted before sensors look at them.
-MOST_FOUND = 2048
+# Discs near these robots that are noted before sensors look at them: at most, and room for those of a robot.
+MOST_FOUND, FOUND_OF_ROBOT = 2048, 16
 # A NumPy number: Numba would compile a function once more for a literal one that is passed to it.
 NONE = np.int64(0)
 
@@ -70,14 +70,14 @@ class ChunkArrays(NamedTuple):
     beside: Reals
 
     @classmethod
-    def of(cls, count: int) -> "ChunkArrays":
-        """Return scratch for robots of at most `count` sensors."""
-        groups = groups_of(count)
-        near, kinds = np.empty((CHUNK, groups, LANES)), np.empty((CHUNK, LANES * groups), np.int8)
-        found, (owner, hits) = np.empty((MOST_FOUND, 2), np.int64), np.empty((2, MOST_FOUND), np.int64)
-        numbers = np.empty((6, MOST_FOUND))
-        kind = np.empty(MOST_FOUND, np.int8)
-        return cls(np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64), near, kinds, found, owner, hits, kind, *numbers)
+    def of(cls, count: int, robots: int) -> "ChunkArrays":
+        """Return scratch for so many robots of at most `count` sensors: of many small worlds, all stays in caches."""
+        groups, n = groups_of(count), min(robots, CHUNK)
+        m = min(FOUND_OF_ROBOT * (n + 1), MOST_FOUND)
+        near, kinds = np.empty((n, groups, LANES)), np.empty((n, LANES * groups), np.int8)
+        found, (owner, hits) = np.empty((m, 2), np.int64), np.empty((2, m), np.int64)
+        numbers, kind = np.empty((6, m)), np.empty(m, np.int8)
+        return cls(np.empty((n, 2)), np.empty(n, np.int64), near, kinds, found, owner, hits, kind, *numbers)
 
 
 class EyeArrays(NamedTuple):
@@ -216,7 +216,7 @@ def _find_statics(eyes, crowd, lists, begin, end, m):
             if item >= edges.shape[0]:
                 disc = item - edges.shape[0]
                 dx, dy = discs[disc, 0] - x, discs[disc, 1] - y
-                if m == MOST_FOUND:
+                if m == found.shape[0]:
                     _see_discs(eyes, crowd, begin, m)
                     m = NONE
                 found[m, 0], found[m, 1] = k, -1 - disc
@@ -256,7 +256,7 @@ def _find_robots(eyes, crowd, begin, end, m, pairs, count):
     places, radii, designs, reach, start, found = c.reference, c.radii, e.chunk.designs, e.reach, c.start, e.chunk.found
     margin, largest_radius = e.margin, e.largest_radius
     left, below, per_unit, columns, rows = c.grid
-    room = pairs.shape[0] - 1
+    room, most = pairs.shape[0] - 1, found.shape[0]
     for k in range(end - begin):
         p, sight = begin + k, reach[designs[k]]
         x, y, r = places[p, 0], places[p, 1], radii[p]
@@ -268,8 +268,8 @@ def _find_robots(eyes, crowd, begin, end, m, pairs, count):
         for row in range(lowest, highest + 1):
             item, end_of_row = start[first + columns * row], start[last + columns * row + 1]
             while item < end_of_row:
-                stop = min(end_of_row, item + MOST_FOUND)
-                if m + stop - item > MOST_FOUND:
+                stop = min(end_of_row, item + most)
+                if m + stop - item > most:
                     _see_discs(eyes, crowd, begin, m)
                     m = NONE
                 for q in range(item, stop):

@@ -41,6 +41,10 @@ def _column(shape: tuple[int | str, ...], dtype: type, initial: object) -> Any:
     return shape, dtype, initial
 
 
+# How often columns of any swarm of this process were made again.
+RESIZED = [0]
+
+
 class Swarm:
     """All robots of a model as columns; row order is ascending unique_id.
 
@@ -409,6 +413,7 @@ class Swarm:
                 column[(slice(0, len(rows)), *shared)] = old[rows] if is_shorter else old
             self._publish(name, column)
         self.version += 1
+        RESIZED[0] += 1
 
     def _publish(self, name: str, column: np.ndarray) -> None:
         self.columns[name] = column
