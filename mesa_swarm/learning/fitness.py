@@ -2,11 +2,15 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened
+from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import FlagRows, Flags, Integers, RealRows, Reals
 from mesa_swarm.learning.reflex_policy import nearness
 
 FITNESSES = ("floreano", "careful")
@@ -14,6 +18,7 @@ FITNESSES = ("floreano", "careful")
 SQUARE = 40.0
 # Sums for each robot, and the columns of which they are made.
 SUMS = ("floreano", "ahead", "collisions")
+ONLY = 0
 TALLIED = ("distance", "design", "command", "max_speed", "collided", "position")
 
 
@@ -113,14 +118,33 @@ class Tally:
         x_min, y_min, x_max, y_max = bounds
         self.sums = np.zeros((robots, len(SUMS)))
         self.visited = np.zeros((math.ceil((y_max - y_min) / square), math.ceil((x_max - x_min) / square)), np.bool_)
-        self.steps = 0
-        self._corner, self._ranges, self._square = (float(x_min), float(y_min)), ranges, float(square)
+        self._steps = np.zeros(1, np.int64)
+        self._left, self._below, self._ranges, self._square = float(x_min), float(y_min), ranges, float(square)
+
+    @property
+    def steps(self) -> int:
+        """How many steps were added."""
+        return int(self._steps[ONLY])
 
     def add(self, columns: dict[str, np.ndarray]) -> None:
         """Add the last step from the swarm's columns."""
-        tallied = (columns[name] for name in TALLIED)
-        tally(*tallied, self._ranges, self._corner, self._square, self.visited, self.sums)
-        self.steps += 1
+        self.kernel_for(columns).run(0, len(self.sums))
+
+    def kernel_for(self, columns: dict[str, np.ndarray]) -> Kernel:
+        """Return what adds a step from these columns."""
+        block = Block(
+            TallyArrays(
+                **{name: columns[name] for name in TALLIED},
+                ranges=self._ranges,
+                left=self._left,
+                below=self._below,
+                square=self._square,
+                visited=self.visited,
+                sums=self.sums,
+                steps=self._steps,
+            )
+        )
+        return Kernel(add_step, block.numbers, block)
 
     def means(self) -> dict[str, float]:
         """Return the means over robots and steps, and the share of squares visited, as `Fitness.of` takes them."""
@@ -130,9 +154,33 @@ class Tally:
         return {**dict(zip(SUMS, means.tolist(), strict=True)), "covered": float(self.visited.mean())}
 
 
-@compiled
-def tally(distance, design, command, max_speed, collided, position, ranges, corner, square, visited, sums):
+class TallyArrays(NamedTuple):
+    """What `add_step` takes: columns of the swarm, the arguments of `Tally`, and what it counts."""
+
+    distance: RealRows
+    design: Integers
+    command: RealRows
+    max_speed: Reals
+    collided: Flags
+    position: RealRows
+    ranges: RealRows
+    left: float
+    below: float
+    square: float
+    visited: FlagRows
+    sums: RealRows
+    steps: Integers
+
+
+@compiled(nogil=True)
+def add_step(block, step, first, last):
     """Add a step to every robot's sums, and mark its square as visited."""
+    t = unpack(block, TallyArrays)
+    distance, design, command, max_speed, collided, position = (
+        t.distance, t.design, t.command, t.max_speed, t.collided, t.position
+    )  # fmt: skip
+    ranges, left_border, below, square, visited, sums = t.ranges, t.left, t.below, t.square, t.visited, t.sums
+    t.steps[ONLY] += 1
     for i in range(command.shape[0]):
         speed = max_speed[i] if max_speed[i] > 0.0 else 1.0
         left, right = command[i, 0] / speed, command[i, 1] / speed
@@ -142,9 +190,10 @@ def tally(distance, design, command, max_speed, collided, position, ranges, corn
         sums[i, 0] += fast_straight_far(left, right, nearest)
         sums[i, 1] += 0.5 * (left + right)
         sums[i, 2] += 1.0 if collided[i] else 0.0
-        row = min(max(int((position[i, 1] - corner[1]) / square), 0), visited.shape[0] - 1)
-        column = min(max(int((position[i, 0] - corner[0]) / square), 0), visited.shape[1] - 1)
+        row = min(max(int((position[i, 1] - below) / square), 0), visited.shape[0] - 1)
+        column = min(max(int((position[i, 0] - left_border) / square), 0), visited.shape[1] - 1)
         visited[row, column] = True
+    return 0
 
 
 @compiled

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.elementary import exp, tanh
+from mesa_swarm.kernels.elementary import exp, tanh, write_tanh
 from mesa_swarm.learning.actions import ENCODINGS, as_floats, describe_value
 from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
 
@@ -365,9 +365,9 @@ def forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden):
         x = inputs[i, k]
         for h in range(units):
             hidden[h] += inner[m, k, h] * x
+    write_tanh(hidden)
     y = outer_bias[m]
     for h in range(units):
-        hidden[h] = tanh(hidden[h])
         y += outer[m, h] * hidden[h]
     return y
 

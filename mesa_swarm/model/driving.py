@@ -305,9 +305,11 @@ def senses_first(plan: Plan) -> bool:
 
 
 def add_kernels_of_observers(model: Any, kernels: list[tuple[Kernel, int]]) -> list[tuple[Kernel, int]]:
-    """Return the kernels of a step with those that observers have, behind the first, of sensing."""
-    of_observers = [observer.kernel(model) for observer in model.observers.driven()]
-    return [*kernels[:1], *((kernel, 1) for kernel in of_observers if kernel is not None), *kernels[1:]]
+    """Return the kernels of a step with those that observers have, behind the first, of sensing, and at the end."""
+    observers = model.observers.driven()
+    behind = [(kernel, 1) for observer in observers if (kernel := observer.kernel(model)) is not None]
+    last = [(kernel, 1) for observer in observers if (kernel := observer.last_kernel(model)) is not None]
+    return [*kernels[:1], *behind, *kernels[1:], *last]
 
 
 def kernels_of_rows(model: Any) -> list[tuple[Kernel, int]]:

@@ -128,6 +128,10 @@ class DrivenObserver(Observer):
         """Return what is to run in each step of a compiled call, as soon as robots have read their sensors."""
         return None
 
+    def last_kernel(self, model: Any) -> Kernel | None:
+        """Return what is to run at the end of each step of a compiled call; the same object where it is the same."""
+        return None
+
     def after_stretch(self, model: Any) -> None:
         """Notice that a compiled call is over, which has completed all steps that it has begun."""
         return
