@@ -19,6 +19,7 @@ from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.kernels.part import Kernel, kernel_of
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.broadcasts import send_goals
+from mesa_swarm.physics.threads import RowCrew
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import clear_unused, limit_command, limit_length
 from mesa_swarm.robots.reasons import Reason
@@ -171,7 +172,7 @@ class Arbiter:
             self.layers[place].decide(senses, command, layer, place)
 
         others = np.zeros(len(layer), np.bool_) if self.others is None else self.others
-        return Turns(kernels, decide, self.layers, others, first)
+        return Turns(kernels, decide, self.layers, others, first, senses._crew)
 
     def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return the reason that a layer gives, with what the arbiter adds; `row` holds a robot's columns `noted`."""
@@ -277,12 +278,14 @@ class Turns:
         layers: Sequence[Any],
         others: np.ndarray,
         first: Callable[[], None] | None = None,
+        crew: RowCrew | None = None,
     ) -> None:
-        blocks = [kernel and Block(KernelCall(code_address(kernel.function), kernel.block)) for kernel in kernels]
-        calls = np.zeros((len(kernels), 3), np.int64)
-        for place, block in enumerate(blocks):
-            if block is not None:
-                calls[place] = block.numbers
+        calls, self.kept = np.zeros((len(kernels), 3), np.int64), []  # type: tuple[np.ndarray, list]
+        for place, kernel in enumerate(kernels):
+            if kernel is not None:
+                call, kept = call_of(kernel, crew)
+                calls[place] = Block(call).numbers
+                self.kept.append(kept)
         self.kernels, self.layers, self.decide, self.first = kernels, layers, decide, first
         self.arrays = TurnArrays(calls, others, first is not None, np.array([-1, 0, NEW]))
         self.python = [cause for kernel, layer in zip(kernels, layers, strict=True) for cause in _causes(kernel, layer)]
@@ -314,6 +317,13 @@ class Turns:
         except BaseException:
             progress[BEGUN] = -1
             raise
+
+
+def call_of(kernel: Kernel, crew: RowCrew | None) -> tuple[KernelCall, object]:
+    """Return the call of a kernel for all rows, shared by a crew if it can be, and what the call refers to."""
+    if crew is not None and kernel.rows:
+        return crew.call_of(kernel.function, kernel.block)
+    return KernelCall(code_address(kernel.function), kernel.block), None
 
 
 def _causes(kernel: Kernel | None, layer: Any) -> list[str]:
@@ -422,6 +432,8 @@ class DecideArrays(NamedTuple):
         How many numbers a command to robots of a design has.
     sends : bool
         Whether goals are sent.
+    before, after : KernelCall
+        Of `begin_decisions` and `end_decisions`, which threads may share.
     task, goal, ... : ndarrays
         Columns of the swarm, and whether designs go sideways.
     """
@@ -430,6 +442,8 @@ class DecideArrays(NamedTuple):
     cleared: IntegerRows
     numbers: Integers
     sends: bool
+    before: KernelCall
+    after: KernelCall
     sideways: Flags
     task: Integers
     goal: RealRows
@@ -454,8 +468,14 @@ def kernel_of_stage(
     blocks = [Block(clearing) for clearing in cleared]
     rows = np.array([block.numbers for block in blocks], np.int64).reshape(-1, 3)
     arrays = {name: columns[name] for name in DecideArrays._fields if name in columns}
-    arguments = DecideArrays(turns.arrays, rows, table.numbers, sends, table.sideways, **arrays)
-    kernel = turns.kernel(decide_layers, arguments)
+    none = KernelCall(0, np.empty(0, np.int64))
+    arguments = DecideArrays(turns.arrays, rows, table.numbers, sends, none, none, table.sideways, **arrays)
+    block = Block(arguments)
+    # Kernels of rows take the same block, whose numbers have no address before.
+    around = [Kernel(function, block.numbers, rows=True) for function in (begin_decisions, end_decisions)]
+    (before, kept), (after, kept_too) = (call_of(kernel, senses._crew) for kernel in around)
+    block.replace(arguments._replace(before=before, after=after))
+    kernel = Kernel(decide_layers, block.numbers, (turns, block, kept, kept_too), turns.attend)
 
     def attend(code: int) -> None:
         refuse() if code == NAN else turns.attend(code)
@@ -471,27 +491,38 @@ def decide_layers(block, step, first, last):
         for k in range(d.cleared.shape[0]):
             clearing = unpack(d.cleared[k], Clearing)
             clearing.column[:] = clearing.value
-        begin_decisions(d.task, d.goal, d.last_command, d.command)
+        call_at(d.before.address, d.before.block, step, first, last)
     code = call_layer(d.turns, step, first, last)
     if code:
         return code
     d.turns.progress[BEGUN] = -1
-    clear_unused(d.command, d.design, d.numbers)
-    if limit_command(d.command, d.max_speed, d.design, d.sideways) >= 0:
+    if call_at(d.after.address, d.after.block, step, first, last) > 0:
         return NAN
     if d.sends:
         send_goals(d.position, d.heading, d.goal, d.sent_goal)
     return 0
 
 
-@compiled
-def begin_decisions(task, goal, last_command, command):
-    """Clear tasks and goals, and remember the last commands."""
-    for i in range(task.shape[0]):
+@compiled(nogil=True)
+def begin_decisions(block, step, first, last):
+    """Clear tasks and goals of some rows, and remember the last commands."""
+    d = unpack(block, DecideArrays)
+    task, goal, last_command, command = d.task, d.goal, d.last_command, d.command
+    for i in range(first, last):
         task[i] = -1
         goal[i, 0], goal[i, 1] = math.nan, math.nan
         for w in range(command.shape[1]):
             last_command[i, w] = command[i, w]
+    return 0
+
+
+@compiled(nogil=True)
+def end_decisions(block, step, first, last):
+    """Limit the commands of some rows; return 1 if one is NaN, else 0."""
+    d = unpack(block, DecideArrays)
+    command, design = d.command[first:last], d.design[first:last]
+    clear_unused(command, design, d.numbers)
+    return 0 if limit_command(command, d.max_speed[first:last], design, d.sideways) < 0 else 1
 
 
 HEAVIEST = 1e6

@@ -97,6 +97,10 @@ class Avoid(CompiledLayer):
             object.__setattr__(self, "_left", (swarm, f"{prefix}.left"))
             swarm.remember(f"{prefix}.left", (), np.int64, 0)
 
+    def shares_rows(self, function: Any) -> bool:
+        """Return whether threads can share the rows: where it draws no sides."""
+        return function is avoid and self.front != "random"
+
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "AvoidRule"]:
         """Return what turns the robots that are near something."""
         inner = -1.0 if self.turn == "stationary" else 0.0
@@ -172,13 +176,13 @@ RANDOM, BACK_UP = FRONTS.index("random"), FRONTS.index("back up")
 
 @compiled(nogil=True)
 def avoid(block, step, first, last):
-    """Write the turns of robots that no earlier layer drives."""
+    """Write the turns of robots in rows [first, last) that no earlier layer drives."""
     rule = unpack(block, AvoidRule)
     robots, near = rule.robots, rule.near
     distance, kind, command, layer = robots.distance, robots.kind, robots.command, robots.layer
     if rule.front == BACK_UP:
-        back_up(rule)
-    for i in range(layer.shape[0]):
+        back_up(rule, first, last)
+    for i in range(first, last):
         tendency = robots.tendency[i]
         if rule.front == RANDOM:  # drawn for all robots, also those that other layers drive
             tendency = 1.0 if draw_number(rule.stream) < 0.5 else -1.0
@@ -211,11 +215,11 @@ def find_forward(forward, design):
 
 
 @compiled
-def back_up(rule):
-    """Write the commands of robots that back up and turn."""
+def back_up(rule, first, last):
+    """Write the commands of robots in rows [first, last) that back up and turn."""
     robots, left = rule.robots, rule.left
     distance, kind, command, layer = robots.distance, robots.kind, robots.command, robots.layer
-    for i in range(layer.shape[0]):
+    for i in range(first, last):
         front = robots.forward[robots.design[i], 0]
         if layer[i] >= 0:
             continue

@@ -53,6 +53,10 @@ class Explore(CompiledLayer):
             swarm.remember(f"{prefix}.straight", (), np.int64, 0)
             swarm.remember(f"{prefix}.turn", (), np.float64, 0.0)
 
+    def shares_rows(self, function: Any) -> bool:
+        """Return whether threads can share the rows: where it draws no turns."""
+        return function is go_straight
+
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, NamedTuple]:
         """Return what drives the robots that no other layer drives, and turns them now and then if it is to."""
         straight = StraightRule(robots, float(self.speed))
@@ -108,7 +112,7 @@ class TurningRule(NamedTuple):
 @compiled(nogil=True)
 def go_straight(block, step, first, last):
     """Drive straight on where no layer is active yet."""
-    drive_straight(unpack(block, StraightRule))
+    drive_straight(unpack(block, StraightRule), first, last)
     return 0
 
 
@@ -121,16 +125,16 @@ def turn_now_and_then(block, step, first, last):
         turns[i] = draw_between(rule.stream, -rule.largest, rule.largest)
     count_down(rule.steps, rule.turn, turns, rule.interval, robots.layer)
     turn_on_the_spot(rule.turn, robots.radius, robots.max_speed, robots.command, robots.layer, robots.place)
-    drive_straight(rule.straight)
+    drive_straight(rule.straight, first, last)
     return 0
 
 
 @compiled
-def drive_straight(rule):
-    """Command both wheels the same speed where no layer is active yet."""
+def drive_straight(rule, first, last):
+    """Command both wheels the same speed where no layer is active yet, in rows [first, last)."""
     robots = rule.robots
     command, layer = robots.command, robots.layer
-    for i in range(layer.shape[0]):
+    for i in range(first, last):
         if layer[i] < 0:
             command[i, 0] = rule.share * robots.max_speed[i]
             command[i, 1] = rule.share * robots.max_speed[i]

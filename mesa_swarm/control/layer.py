@@ -27,6 +27,7 @@ from mesa_swarm.kernels.type_names import (
     Reals,
     RealTables,
 )
+from mesa_swarm.physics.threads import RowCrew
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.robots.swarm import Swarm
@@ -107,10 +108,12 @@ class Senses:
     act: dict[str, np.ndarray] = field(default_factory=dict)
     send: dict[str, np.ndarray] = field(default_factory=dict)
     heard: dict[str, np.ndarray] = field(default_factory=dict)
+    # Of no robot's knowledge: the threads that share its rows.
+    _crew: RowCrew | None = None
 
     @classmethod
-    def of(cls, swarm: Swarm) -> "Senses":
-        """Return what the robots of this swarm know."""
+    def of(cls, swarm: Swarm, crew: RowCrew | None = None) -> "Senses":
+        """Return what the robots of this swarm know, whose rows a crew shares."""
         table = swarm.table
         names = {sense.name for sense in fields(cls)}
         columns: dict[str, Any] = {name: column for name, column in swarm.columns.items() if name in names}
@@ -121,7 +124,7 @@ class Senses:
         for group in ("act", "send", "heard"):
             first = f"{group}."
             more[group] = {n.removeprefix(first): c for n, c in swarm.columns.items() if n.startswith(first)}
-        return cls(**columns, **of_designs, sideways=table.sideways, **more)
+        return cls(**columns, **of_designs, sideways=table.sideways, **more, _crew=crew)
 
 
 reserve_names(sense.name for sense in fields(Senses))
@@ -197,10 +200,10 @@ def columns_for(senses: Senses, command: np.ndarray, layer: np.ndarray, index: i
     return RobotColumns(*columns)
 
 
-def kernel_with(function: Any, arguments: NamedTuple) -> Kernel:
-    """Return the kernel of a function and a block of these arguments."""
+def kernel_with(function: Any, arguments: NamedTuple, rows: bool = False) -> Kernel:
+    """Return the kernel of a function and a block of these arguments; `rows` is whether threads may share its rows."""
     block = Block(arguments)
-    return Kernel(function, block.numbers, block)
+    return Kernel(function, block.numbers, block, rows=rows)
 
 
 class CompiledLayer:
@@ -211,6 +214,10 @@ class CompiledLayer:
     """
 
     commands_wheels: ClassVar[bool | None] = True
+
+    def shares_rows(self, function: Any) -> bool:
+        """Return whether threads can share a function: it decides only for the rows it is given, and draws nothing."""
+        return False
 
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, NamedTuple]:
         """Return the compiled function, and what its block holds; of `senses` only what `robots` lacks, as messages."""
@@ -224,7 +231,8 @@ class CompiledLayer:
         """Return what decides on these columns, None where something is missing for it."""
         if self.lacks(senses):
             return None
-        return kernel_with(*self.arguments(columns_for(senses, command, layer, index), senses))
+        function, arguments = self.arguments(columns_for(senses, command, layer, index), senses)
+        return kernel_with(function, arguments, self.shares_rows(function))
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write the commands of robots that no other layer drives, and the index of the layer, by the kernel.

@@ -88,6 +88,9 @@ class Kernel(NamedTuple):
         Then it is called again, and goes on.
     finish : callable, optional
         Takes what the function has written into buffers, after the last of several steps.
+    rows : bool
+        Whether threads may call the function for ranges of rows at the same time: what it does for a row depends on no
+        other, and it draws nothing.
     """
 
     function: Callable[[np.ndarray, int, int, int], int]
@@ -95,6 +98,7 @@ class Kernel(NamedTuple):
     kept: Any = None
     attend: Callable[[int], None] | None = None
     finish: Callable[[], None] | None = None
+    rows: bool = False
 
     def run(self, step: int, n: int) -> None:
         """Call the function for n robots until it is done; `step` counts from 1."""

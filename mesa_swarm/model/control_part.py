@@ -321,7 +321,8 @@ class ControlPart(Part):
     def kernel(self) -> Kernel:
         """Return what decides, made anew when columns, layers or their parameters have changed."""
         cache, arbiter, channel = self.cache, cast(Any, self.arbiter), self.model._parts.radio.channel
-        state = self.swarm.version, self.swarm.regrouped, Itself(arbiter), channel
+        crew = self.model.parts.robots.engine.crew
+        state = self.swarm.version, self.swarm.regrouped, Itself(arbiter), channel, crew and crew.parts
         if cache.kernel is None or cache.state != state or any(owner.has_changed() for owner in cache.owners):
             cache.kernel = kernel_of_stage(
                 arbiter, self._senses(), self.swarm, self._cleared(), channel is not None, self._refuse_nan
@@ -355,7 +356,8 @@ class ControlPart(Part):
     def _senses(self) -> Senses:
         cache = self.cache
         if cache.senses is None or cache.version != self.swarm.version:
-            cache.senses, cache.version = Senses.of(self.swarm), self.swarm.version
+            crew = self.model.parts.robots.engine.crew
+            cache.senses, cache.version = Senses.of(self.swarm, crew), self.swarm.version
         return cache.senses
 
     def _refuse_nan(self) -> None:

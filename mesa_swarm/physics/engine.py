@@ -77,7 +77,16 @@ NO_NUMBERS = np.empty(0, np.int64)
 
 
 class Engine(ABC):
-    """Computes sensing and contact: `CompiledEngine` or the Shapely twin. What moves in which order they share."""
+    """Computes sensing and contact: `CompiledEngine` or the Shapely twin. What moves in which order they share.
+
+    Attributes
+    ----------
+    threads : int
+    crew : RowCrew or None
+        The threads that share rows in compiled code, if any do.
+    """
+
+    crew: RowCrew | None = None
 
     def __init__(self) -> None:
         self.threads = 1
@@ -180,6 +189,8 @@ class Engine(ABC):
 class CompiledEngine(Engine):
     """Sensing and contact by compiled functions on a uniform grid."""
 
+    crew: RowCrew
+
     def __init__(self) -> None:
         super().__init__()
         self._sense_kernel: Kernel | None = None
@@ -188,11 +199,11 @@ class CompiledEngine(Engine):
         self._driven: np.ndarray | None = None
         self._slip_stream: Generator | None = None
         self._turn_angle = np.zeros(1)
-        self._crew = RowCrew()
+        self.crew = RowCrew()
 
     def at_work(self, robots: int) -> AbstractContextManager:
         """Let threads share the rows of steps, where there are enough robots."""
-        return self._crew.at_work() if self._parts(robots) > 1 else nullcontext()
+        return self.crew.at_work() if self._parts(robots) > 1 else nullcontext()
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
         """Write the columns distance, kind, radiation and line."""
@@ -259,19 +270,19 @@ class CompiledEngine(Engine):
         return self.threads if n >= FEWEST_ROWS else 1
 
     def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
-        if self._crew.parts != self._parts(len(swarm)):
+        if self.crew.parts != self._parts(len(swarm)):
             self._version = -1
         super()._prepare(swarm, surroundings)
 
     def _renew(self, swarm: Swarm, surroundings: Surroundings) -> None:
         super()._renew(swarm, surroundings)
         n, columns, table, statics = len(swarm), swarm.columns, swarm.table, surroundings.statics
-        self._crew.parts = self._parts(n)
+        self.crew.parts = self._parts(n)
         largest = float(swarm.radius.max(initial=0.0))
         self._margin = MARGIN * float(swarm.radius.min(initial=largest))
         cell = max(2 * largest + self._margin, 1e-9)
         grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._crowd = Crowd(grid.numbers, columns["position"], columns["radius"], columns["number"], self._crew.parts)
+        self._crowd = Crowd(grid.numbers, columns["position"], columns["radius"], columns["number"], self.crew.parts)
         clearance = clearance_of(largest, table.reach, surroundings.bounds)
         self._eye_arrays = EyeArrays(
             largest_radius=largest,
@@ -299,7 +310,7 @@ class CompiledEngine(Engine):
         self._robots, self._statics = Block(robots), Block(surroundings.still)
         movers = None if surroundings.moving is None else surroundings.moving.block
         self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
-        self._travel, self._shared = calls_of_travel(self._crew, self._crowd.block_of_pairs, self._blocks)
+        self._travel, self._shared = calls_of_travel(self.crew, self._crowd.block_of_pairs, self._blocks)
         self._sense_kernel = None
         self._move_kernel = self._driven = self._slip_stream = None
 
@@ -333,7 +344,7 @@ class CompiledEngine(Engine):
 
     def _calls_of_sensing(self) -> tuple[SenseCalls, list[Block]]:
         """Return what senses, and the blocks to which that refers besides the engine's."""
-        crew, eyes, none = self._crew, self._eye_arrays, np.empty((0, 0), np.int64)
+        crew, eyes, none = self.crew, self._eye_arrays, np.empty((0, 0), np.int64)
         alone, together, rows = SENSING if self._blocks.movers is None else SENSING_BESIDE_MOVERS
         if crew.parts == 1:
             return SenseCalls(code_address(alone), crew.numbers, SortCalls(0, 0, 0), 0, none, NO_NUMBERS), []
@@ -396,7 +407,7 @@ class CompiledEngine(Engine):
         block = Block(arrays)
         # Kernels of rows take the same block, whose numbers have no address before.
         (set_out_call, kept), (arrive_call, kept_too) = (
-            self._crew.call_of(kernel, block.numbers) for kernel in (set_out, arrive)
+            self.crew.call_of(kernel, block.numbers) for kernel in (set_out, arrive)
         )
         block.replace(arrays._replace(set_out=set_out_call, arrive=arrive_call))
         blocks += [kept, kept_too]
