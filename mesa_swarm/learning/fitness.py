@@ -133,7 +133,7 @@ class Tally:
     def kernel_for(self, columns: dict[str, np.ndarray]) -> Kernel:
         """Return what adds a step from these columns."""
         block = Block(
-            TallyArrays(
+            FitnessArrays(
                 **{name: columns[name] for name in TALLIED},
                 ranges=self._ranges,
                 left=self._left,
@@ -154,7 +154,7 @@ class Tally:
         return {**dict(zip(SUMS, means.tolist(), strict=True)), "covered": float(self.visited.mean())}
 
 
-class TallyArrays(NamedTuple):
+class FitnessArrays(NamedTuple):
     """What `add_step` takes: columns of the swarm, the arguments of `Tally`, and what it counts."""
 
     distance: RealRows
@@ -175,7 +175,7 @@ class TallyArrays(NamedTuple):
 @compiled(nogil=True)
 def add_step(block, step, first, last):
     """Add a step to every robot's sums, and mark its square as visited."""
-    t = unpack(block, TallyArrays)
+    t = unpack(block, FitnessArrays)
     distance, design, command, max_speed, collided, position = (
         t.distance, t.design, t.command, t.max_speed, t.collided, t.position
     )  # fmt: skip
