@@ -1,8 +1,9 @@
-"""Several threads that do the rows of one kernel at the same time, in compiled code.
+"""Several threads that do the rows of a kernel, in compiled code.
 
-Threads that help wait in `serve` for jobs, as long as a model takes steps: `share_rows` gives each some ranges of rows,
-does its own, and waits for theirs. A kernel that is shared writes only what belongs to its rows, so the results are the
-same bits for any number of ranges, and of threads.
+Threads that help wait in `serve`, as long as a model takes steps. `share_rows` publishes a job, a kernel for ranges of
+rows; whoever is free claims the next range, also who has published it: where the system lets a thread that helps wait
+for a processor, the others do its work. A kernel that is shared writes only what belongs to its rows, so the results
+are the same bits for any number of ranges, and of threads.
 """
 
 import ctypes
@@ -17,32 +18,35 @@ from numba.extending import intrinsic
 from mesa_swarm.kernels.block import SIGNATURE, KernelCall, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import IntegerRows, Integers
-from mesa_swarm.kernels.waiting import read_word, wait_while, write_word
+from mesa_swarm.kernels.waiting import add_to_word, read_word, swap_word, wait_while, write_word
 
 MOST_THREADS = 256
-# Looks at a word before a thread lets others have its processor: about a tenth of a millisecond.
-LOOKS = np.int64(4000)
+# Looks at a word before a thread lets others have its processor: a few microseconds.
+LOOKS = np.int64(100)
 # Places in the size of a crew: into how many ranges rows are cut, and how many threads help.
 PARTS, HELPERS = 0, 1
-# Places in a job: its number, the call, its step, how many rows there are in how many ranges, and which are meant.
-NUMBER, CALL, STEP, ROWS, OF_PARTS, BEGIN, END = 0, 1, 4, 5, 6, 7, 8
-# In what is done: the number of the last job, and its code.
-CODE = 1
+# Rows of a job: its words; which range is next; how many ranges are done.
+WORDS_OF_JOB, CLAIM, DONE, ROWS_OF_JOB = 0, 1, 2, 3
+# Its words: the call, its step, and how many rows there are.
+CALL, STEP, ROWS = 0, 3, 4
+# A claim is one word, so that it changes at once: the number of the job, how many ranges it has, and which is next.
+BITS = 12
+LAST = (1 << BITS) - 1
 # A code larger than those of kernels, of one that has raised an error.
 FAILED = np.int64(2**40)
-# A row a helper, which begins where a cache line does: two threads that write to one would wait for each other.
+# Words of a row, which begins where a cache line does: two threads that write to one would wait for each other.
 WORDS = 16
 
 
 class CrewArrays(NamedTuple):
-    """Who shares the rows of a model: see `PARTS`; the jobs of helpers and what they have done; what lets others work.
+    """Who shares the rows of a model: see `PARTS`; the job, the code of each range, and what lets others work.
 
     `rest` is the address of a function of the system, 0 without one.
     """
 
     size: Integers
-    jobs: IntegerRows
-    done: IntegerRows
+    job: IntegerRows
+    codes: Integers
     rest: int
 
 
@@ -54,7 +58,7 @@ def rows_of_words(rows: int) -> np.ndarray:
 
 
 # Of all models of this process, one of which has the threads at a time.
-JOBS, DONE = rows_of_words(MOST_THREADS), rows_of_words(MOST_THREADS)
+JOB, CODES = rows_of_words(ROWS_OF_JOB), np.zeros(MOST_THREADS, np.int64)
 
 
 def address_of_rest() -> int:
@@ -105,12 +109,6 @@ def try_call_at(typing_context: Any, address: Any, block: Any, step: Any, first:
 
 
 @compiled
-def parts_of(crew):
-    """Return into how many ranges rows are cut."""
-    return unpack(crew, CrewArrays).size[PARTS]
-
-
-@compiled
 def part_of_row(first, n, parts):
     """Return the place of the range of n rows that begins with row `first`, and is not empty."""
     return ((first + 1) * parts - 1) // n
@@ -128,23 +126,51 @@ def share_rows(crew, address, block, step, n):
         If it has raised an error, when all have ended.
     """
     c = unpack(crew, CrewArrays)
-    jobs, done, parts, helpers = c.jobs, c.done, c.size[PARTS], c.size[HELPERS]
-    for h in range(helpers):
-        job = jobs[h]
-        job[CALL], job[CALL + 1], job[CALL + 2] = address, address_of(block), block.shape[0]
-        job[STEP], job[ROWS], job[OF_PARTS] = step, n, parts
-        job[BEGIN], job[END] = parts * (h + 1) // (helpers + 1), parts * (h + 2) // (helpers + 1)
-        write_word(job, job[NUMBER] + 1)
-    code = do_parts(address, block, step, n, parts, 0, parts // (helpers + 1))
-    for h in range(helpers):
-        number = jobs[h, NUMBER]
-        while read_word(done[h]) != number:
-            wait_while(done[h], number - 1, LOOKS)
-            _rest(c.rest, done[h], number - 1)
-        code = max(code, done[h, CODE])
+    job, codes, parts = c.job, c.codes, c.size[PARTS]
+    if c.size[HELPERS] == 0:  # the job may be that of another model
+        code = np.int64(0)
+        for part in range(parts):
+            code = max(code, do_part(address, block, step, n, parts, part))
+    else:
+        words, claim, done = job[WORDS_OF_JOB], job[CLAIM], job[DONE]
+        words[CALL], words[CALL + 1], words[CALL + 2] = address, address_of(block), block.shape[0]
+        words[STEP], words[ROWS] = step, n
+        write_word(done, np.int64(0))
+        write_word(claim, claim_of((read_word(claim) >> 2 * BITS) + 1, parts))
+        while claim_part(job, codes):
+            pass
+        while read_word(done) != parts:
+            wait_while(done, read_word(done), LOOKS)
+            if read_word(done) != parts:
+                let_others_work(c.rest)
+        code = codes[:parts].max()
     if code == FAILED:
         raise RuntimeError("a kernel has failed in one of the threads that share a step")
     return code
+
+
+@compiled
+def claim_of(number, parts):
+    """Return the claim of a job of which no range is claimed yet."""
+    return (number << 2 * BITS) | (parts << BITS)
+
+
+@compiled(nogil=True, apart=True)
+def claim_part(job, codes):
+    """Do the next range of the present job, and return whether there was one."""
+    words, claim = job[WORDS_OF_JOB], job[CLAIM]
+    before = read_word(claim)
+    parts, part = (before >> BITS) & LAST, before & LAST
+    if parts == LAST or part >= parts:
+        return False
+    # Words are written before the claim, and not again as long as a range is free: what is read is of this job if the
+    # claim is still the same.
+    call = unpack(words[CALL:], KernelCall)
+    step, n = words[STEP], words[ROWS]
+    if swap_word(claim, before, before + 1):
+        codes[part] = do_part(call.address, call.block, step, n, parts, part)
+        add_to_word(job[DONE], np.int64(1))
+    return True
 
 
 class SharedCall(NamedTuple):
@@ -163,41 +189,38 @@ def share_kernel(block, step, first, last):
 
 
 @compiled
-def _rest(rest, word, value):
-    """Let other threads have the processor if a word is still a value."""
-    if rest != 0 and read_word(word) == value:
+def let_others_work(rest):
+    """Let other threads have the processor."""
+    if rest != 0:
         call_function(rest)
 
 
 @compiled
-def do_parts(address, block, step, n, parts, begin, end):
-    """Call a kernel for some of the ranges of n rows; return the largest code."""
-    code = np.int64(0)
-    for part in range(begin, end):
-        first, last = n * part // parts, n * (part + 1) // parts
-        if first < last:
-            code = max(code, try_call_at(address, block, step, first, last))
-    return code
+def do_part(address, block, step, n, parts, part):
+    """Call a kernel for one of the ranges of n rows, if it has rows; return the code."""
+    first, last = n * part // parts, n * (part + 1) // parts
+    return try_call_at(address, block, step, first, last) if first < last else np.int64(0)
 
 
 @compiled(nogil=True)
-def serve(job, done, rest):
-    """Do jobs as they come, until one comes that has no ranges."""
-    number = done[NUMBER]
+def serve(job, codes, rest):
+    """Do ranges of jobs as these come, until one has `LAST` as the number of its ranges."""
+    claim = job[CLAIM]
     while True:
-        while wait_while(job, number, LOOKS) == number:
-            _rest(rest, job, number)
-        number += 1
-        if job[OF_PARTS] == 0:
+        while claim_part(job, codes):
+            pass
+        before = read_word(claim)
+        if (before >> BITS) & LAST == LAST:
             break
-        call = unpack(job[CALL:], KernelCall)
-        done[CODE] = do_parts(call.address, call.block, job[STEP], job[ROWS], job[OF_PARTS], job[BEGIN], job[END])
-        write_word(done, number)
-    write_word(done, number)
+        if before & LAST >= (before >> BITS) & LAST and wait_while(claim, before, LOOKS) == before:
+            let_others_work(rest)
 
 
-def end_serving(helpers: int) -> None:
-    """Give the first helpers a job that has no ranges."""
-    for job in JOBS[:helpers]:
-        job[OF_PARTS] = 0
-        job[NUMBER] += 1
+def begin_serving() -> None:
+    """Let there be no job, before threads serve."""
+    JOB[:], CODES[:] = 0, 0
+
+
+def end_serving() -> None:
+    """Let threads that serve end."""
+    JOB[CLAIM, 0] |= LAST << BITS

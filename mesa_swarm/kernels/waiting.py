@@ -44,6 +44,31 @@ def write_word(typing: Any, word: Any, value: Any) -> Any:
     return types.none(word, types.int64), code
 
 
+@intrinsic
+def swap_word(typing: Any, word: Any, before: Any, after: Any) -> Any:
+    """Write the first number of an array if it is what it was before, and return whether it was."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+        pair = builder.cmpxchg(address, arguments[1], arguments[2], "acq_rel", "acquire")
+        return builder.zext(builder.extract_value(pair, 1), context.get_value_type(types.boolean))
+
+    return types.boolean(word, types.int64, types.int64), code
+
+
+@intrinsic
+def add_to_word(typing: Any, word: Any, number: Any) -> Any:
+    """Add to the first number of an array at once, and return what it was."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+        return builder.atomic_rmw("add", address, arguments[1], "acq_rel")
+
+    return types.int64(word, types.int64), code
+
+
 @compiled(nogil=True)
 def wait_while(word, value, looks):
     """Look at a word until it differs from a value, at most so often, and return what it is."""

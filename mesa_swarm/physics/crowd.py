@@ -12,7 +12,8 @@ from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows
 from mesa_swarm.physics.arcs import copy_places, largest_of
 from mesa_swarm.physics.contact import ContactArrays
 
-FEWEST_PAIRS = 64
+# Room for pairs at the beginning: at least for so many, and for two pairs of so many robots.
+FEWEST_PAIRS, PAIRED = 64, 4
 # A NumPy number: Numba would compile a function once more for a literal one that is passed to it.
 ALL = np.int64(0)
 # In the state of pairs: how many there are, whether they are of present places, how many overlap.
@@ -129,7 +130,7 @@ class Crowd:
     ) -> None:
         self.arrays = CrowdArrays.of(grid, position, radius, number)
         self._block, self._parts = Block(self.arrays), parts
-        self.near = PairArrays.of(len(position), parts)
+        self.near = PairArrays.of(len(position) // PAIRED, parts)
         self._pairs = Block(self.near)
 
     @property

@@ -65,8 +65,10 @@ from mesa_swarm.robots.swarm import Swarm
 
 FEWEST_CELLS = 64
 CELLS_PER_ROBOT = 4
-# Fewer robots are not shared among threads: to wake these takes longer than they would save.
-FEWEST_ROWS = 10_000
+# Fewer robots are not shared among threads: these would wait for each other longer than they work.
+FEWEST_ROWS = 500
+# Nor are so few in a step that is taken by itself: to wake threads takes longer than they would save.
+FEWEST_WAKING = 10_000
 CONTACT_COLUMNS = ("contact_kind", "contact_index", "contact_normal", "contact_depth")
 Rows = list[tuple[Drive, Any]]
 # Of worlds without and with driven bodies: what senses alone and by threads, and what threads share.
@@ -205,10 +207,14 @@ class CompiledEngine(Engine):
         """Let threads share the rows of steps, where there are enough robots."""
         return self.crew.at_work() if self._parts(robots) > 1 else nullcontext()
 
+    def _waking(self, robots: int) -> AbstractContextManager:
+        """Do the same for a stage of a step that is taken by itself."""
+        return self.at_work(robots) if robots >= FEWEST_WAKING else nullcontext()
+
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
         """Write the columns distance, kind, radiation and line."""
         kernel = self._sense_kernel_for(swarm, surroundings, noise)
-        with self.at_work(len(swarm)):
+        with self._waking(len(swarm)):
             kernel.run(step + 1, len(swarm))
 
     def move(
@@ -216,7 +222,7 @@ class CompiledEngine(Engine):
     ) -> None:
         """Move as `Engine.move` does, by a kernel; custom drives stage by stage."""
         kernel = self._move_kernel_for(swarm, surroundings, driven, stream)
-        with self.at_work(len(swarm)):
+        with self._waking(len(swarm)):
             if kernel is None:
                 self._list_pairs()
                 super().move(swarm, surroundings, driven, turn_angle, stream)

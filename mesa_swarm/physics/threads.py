@@ -20,15 +20,15 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.kernels.block import Block, KernelCall, code_address
 from mesa_swarm.kernels.crew import (
-    DONE,
+    CODES,
     HELPERS,
-    JOBS,
-    LOOKS,
+    JOB,
     MOST_THREADS,
     PARTS,
     REST,
     CrewArrays,
     SharedCall,
+    begin_serving,
     end_serving,
     serve,
     share_kernel,
@@ -36,6 +36,8 @@ from mesa_swarm.kernels.crew import (
 from mesa_swarm.kernels.waiting import count_processors, wait_while
 
 VARIABLE = "MESA_SWARM_THREADS"
+# Looks at a word before a thread sleeps: about a tenth of a millisecond.
+LOOKS = np.int64(4000)
 
 OnRows = Callable[[int, int], Any]
 
@@ -150,15 +152,16 @@ class RowThreads:
         if helping < 1 or not self._lock.acquire(blocking=False):
             yield 0
             return
-        busy = 0
+        busy: list[RowThread] = []
+        begin_serving()
         try:
-            for thread, job, done in zip(self._helpers(helping), JOBS, DONE, strict=False):
-                thread.start_job(partial(serve, job, done, REST))
-                busy += 1
+            for thread in self._helpers(helping):
+                thread.start_job(partial(serve, JOB, CODES, REST))
+                busy.append(thread)
             yield helping
         finally:
-            end_serving(busy)
-            errors = [error for error in [thread.wait_for_job() for thread in self._threads[:busy]] if error]
+            end_serving()
+            errors = [error for error in [thread.wait_for_job() for thread in busy] if error]
             self._lock.release()
         if errors:
             raise errors[0]
@@ -196,7 +199,7 @@ ROW_THREADS = RowThreads()
 def _forget_threads() -> None:
     """Begin anew in a process that was forked: threads are not copied."""
     ROW_THREADS.__init__()  # type: ignore[misc]
-    JOBS[:], DONE[:] = 0, 0
+    begin_serving()
 
 
 if hasattr(os, "register_at_fork"):
@@ -214,7 +217,7 @@ class RowCrew:
 
     def __init__(self) -> None:
         self._size = np.array([1, 0], np.int64)
-        self._block = Block(CrewArrays(self._size, JOBS, DONE, REST))
+        self._block = Block(CrewArrays(self._size, JOB, CODES, REST))
         self.numbers = self._block.numbers
 
     @property

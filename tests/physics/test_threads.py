@@ -21,6 +21,7 @@ from support.scenes import empty
 def shared(monkeypatch):
     """Share worlds of any size among three processors, whatever the machine has."""
     monkeypatch.setattr(engine, "FEWEST_ROWS", 1)
+    monkeypatch.setattr(engine, "FEWEST_WAKING", 1)
     monkeypatch.setattr("mesa_swarm.physics.threads.count_processors", lambda: 3)
 
 
