@@ -30,6 +30,8 @@ LARGEST_SEED = 2**63
 VARYING = 1
 # When the next episode of a world begins, in Gymnasium's words (the values of its AutoresetMode).
 SAME_STEP, NEXT_STEP, DISABLED = "SameStep", "NextStep", "Disabled"
+# A row of orders, see `drive_worlds`.
+Order = tuple[int, int, int, int, bool]
 # Worlds of which a step is taken, and all that is done in Python, before the next ones.
 WORLDS = 64
 AUTORESET_MODES = (SAME_STEP, NEXT_STEP, DISABLED)
@@ -128,7 +130,7 @@ class VectorSwarmEnv:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what refers to arrays: a copy prepares its worlds anew."""
-        return {**self.__dict__, "_driven": []}
+        return {**self.__dict__, "_driven": [], "_resized": -1}
 
     def reset(
         self,
@@ -211,16 +213,17 @@ class VectorSwarmEnv:
 
     def _take_step(self, is_new: np.ndarray) -> None:
         """Take a step in each world that has not just begun: of those that can in compiled calls."""
-        self._is_ready[:], errors = False, []
+        errors: list[BaseException] = []
+        self._is_ready[:] = False
         rows = np.flatnonzero(~is_new).tolist()
         # All that is of one world at once, while its arrays are in the processor's cache.
         for first in range(0, len(rows), WORLDS * self.threads):
             try:
-                self._drive(self._list_ready(rows[first : first + WORLDS * self.threads]))
+                self._drive(self._list_ready(rows[first : first + WORLDS * self.threads], errors))
             except BaseException as error:  # raised when all have taken their step
                 errors.append(error)
-        if errors:
-            raise errors[0]
+        if errors:  # Ctrl-C counts more than an error of a world
+            raise next((error for error in errors if not isinstance(error, Exception)), errors[0])
         arrays = self._arrays
         for w in np.flatnonzero(~(self._is_ready | is_new)).tolist():
             world = self.worlds[w]
@@ -230,24 +233,31 @@ class VectorSwarmEnv:
             world.roster().spread(world.swarm.columns["collided"], arrays.collided[w, :k])
             arrays.finished[w], arrays.late[w] = world.finished, world.out_of_time
 
-    def _list_ready(self, rows: list[int]) -> list[DrivenWorld]:
-        """Return which of some worlds can take their step in a compiled call."""
+    def _list_ready(self, rows: list[int], errors: list[BaseException]) -> list[tuple[DrivenWorld, Order]]:
+        """Return which of some worlds can take their step in a compiled call, with the orders for it.
+
+        An error of one world keeps none of the others from its step.
+        """
         ready = []
         for w in rows:
             driven, world = self._driven[w], self.worlds[w]
-            if driven is None or driven.world is not world:
-                driven = self._driven[w] = DrivenWorld(world, self._arrays, w)
-            if driven.is_ready():
-                self._is_ready[w] = True
-                ready.append(driven)
+            try:
+                if driven is None or driven.world is not world:
+                    driven = self._driven[w] = DrivenWorld(world, self._arrays, w)
+                if driven.is_ready():
+                    ready.append((driven, driven.begin_step()))
+                    self._is_ready[w] = True
+            except Exception as error:
+                errors.append(error)
         return ready
 
-    def _drive(self, together: list[DrivenWorld]) -> None:
+    def _drive(self, ready: list[tuple[DrivenWorld, Order]]) -> None:
         """Take a step of worlds in one compiled call."""
-        if not together:
+        if not ready:
             return
+        together = [driven for driven, _ in ready]
         blocks = np.array([driven.numbers for driven in together])
-        orders = np.array([driven.begin_step() for driven in together], np.int64)
+        orders = np.array([order for _, order in ready], np.int64)
         try:
             call_worlds(blocks, orders, self.threads, lambda row, code: together[row].attend(code))
         except BaseException:  # Ctrl-C, or an error in one of the worlds

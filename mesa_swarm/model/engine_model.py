@@ -182,7 +182,11 @@ class EngineModel(MesaModel):
         stand(StatePart())
         stand(EventsPart(self))
         with pause_collection():
-            self._parts.bodies.add_obstacles(self.map.obstacles)
+            if type(self).add_obstacle is EngineModel.add_obstacle:
+                self._parts.bodies.add_obstacles(self.map.obstacles)
+                return
+            for shape in self.map.obstacles:
+                self.add_obstacle(shape)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Let the parts of a copied or unpickled model take what they need of it."""

@@ -205,7 +205,7 @@ class CompiledEngine(Engine):
 
     def at_work(self, robots: int) -> AbstractContextManager:
         """Let threads share the rows of steps, where there are enough robots."""
-        return self.crew.at_work() if self._parts(robots) > 1 else nullcontext()
+        return self.crew if self._parts(robots) > 1 else nullcontext()
 
     def _waking(self, robots: int) -> AbstractContextManager:
         """Do the same for a stage of a step that is taken by itself."""

@@ -8,12 +8,13 @@ its work itself.
 """
 
 import os
+import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import partial
 from queue import SimpleQueue
-from threading import Lock, Thread
+from threading import Lock, Thread, current_thread, main_thread
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 
@@ -100,12 +101,13 @@ class RowThread:
 
     def wait_for_job(self) -> BaseException | None:
         """Wait until the job is done, and return its error or None."""
-        wait_while(self._done, self._last - 1, LOOKS)
         interrupted = None
-        self._awaited = True
         while self._done[0] != self._last:
             try:
-                self._finished.get()
+                if wait_while(self._done, self._last - 1, LOOKS) != self._last:
+                    self._awaited = True
+                    if self._done[0] != self._last:
+                        self._finished.get()
             except KeyboardInterrupt as interrupt:  # raised when the job is done: until then it writes
                 interrupted = interrupt
         self._awaited = False
@@ -145,28 +147,37 @@ class RowThreads:
         finally:
             self._lock.release()
 
-    @contextmanager
-    def serving(self, parts: int) -> Iterator[int]:
-        """Let threads wait for ranges of rows, see `share_rows`, and yield how many do; 0 if another model has them."""
+    def begin_serving(self, parts: int) -> list[RowThread]:
+        """Let threads wait for ranges of rows, see `share_rows`, and return them; none if another model has them."""
         helping = min(parts, count_processors()) - 1
         if helping < 1 or not self._lock.acquire(blocking=False):
-            yield 0
-            return
-        busy: list[RowThread] = []
-        begin_serving()
+            return []
         try:
-            for thread in self._helpers(helping):
-                thread.start_job(partial(serve, JOB, CODES, REST))
-                busy.append(thread)
-            yield helping
-        finally:
+            threads = self._helpers(helping)
+        except BaseException:
+            self._lock.release()
+            raise
+        begin_serving()
+        for thread in threads:
+            thread.start_job(partial(serve, JOB, CODES, REST))
+        return threads
+
+    def end_serving(self, threads: list[RowThread]) -> None:
+        """Let these threads end, and others have them."""
+        if not threads:
+            return
+        try:
             end_serving()
-            errors = [error for error in [thread.wait_for_job() for thread in busy] if error]
+            errors = [error for error in [thread.wait_for_job() for thread in threads] if error is not None]
+        finally:
             self._lock.release()
         if errors:
             raise errors[0]
 
     def _helpers(self, helping: int) -> list[RowThread]:
+        if not self._threads:
+            end_serving()
+            serve(JOB, CODES, REST)  # compiled here: an error is raised where the threads are asked for
         while len(self._threads) < helping:
             self._threads.append(RowThread())
         return self._threads[:helping]
@@ -196,10 +207,42 @@ class RowThreads:
 ROW_THREADS = RowThreads()
 
 
+class Interrupts:
+    """What Ctrl-C would raise in the main thread is raised afterwards: threads are begun and ended as a whole."""
+
+    def __init__(self) -> None:
+        self._handler: Any = None
+        self._noted: tuple[Any, ...] | None = None
+
+    def hold(self) -> None:
+        """Note interrupts from now on, unless they are ignored, or raised in another thread."""
+        handler = signal.getsignal(signal.SIGINT)
+        if current_thread() is main_thread() and callable(handler) and self._handler is None:
+            self._handler = handler
+            signal.signal(signal.SIGINT, self._note)
+
+    def _note(self, *arguments: Any) -> None:
+        self._noted = arguments
+
+    def let_go(self) -> None:
+        """Raise those that were noted, and those to come."""
+        handler, self._handler = self._handler, None
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
+        noted, self._noted = self._noted, None
+        if noted is not None:
+            handler(*noted)
+
+
+CREWS: WeakSet["RowCrew"] = WeakSet()
+
+
 def _forget_threads() -> None:
     """Begin anew in a process that was forked: threads are not copied."""
     ROW_THREADS.__init__()  # type: ignore[misc]
     begin_serving()
+    for crew in CREWS:
+        crew.forget_helpers()
 
 
 if hasattr(os, "register_at_fork"):
@@ -217,6 +260,10 @@ class RowCrew:
 
     def __init__(self) -> None:
         self._size = np.array([1, 0], np.int64)
+        self._helpers: list[RowThread] = []
+        self._depth = 0  # a stage within a step of this model may let threads help as well
+        self._interrupts = Interrupts()
+        CREWS.add(self)
         self._block = Block(CrewArrays(self._size, JOB, CODES, REST))
         self.numbers = self._block.numbers
 
@@ -236,12 +283,36 @@ class RowCrew:
         shared = Block(SharedCall(self.numbers, code_address(kernel), block))
         return KernelCall(code_address(share_kernel), shared.numbers), shared
 
-    @contextmanager
-    def at_work(self) -> Iterator[None]:
-        """Let threads help, those that no other model has, as long as this lasts."""
-        with ROW_THREADS.serving(self.parts) as helpers:
-            self._size[HELPERS] = helpers
-            try:
-                yield
-            finally:
-                self._size[HELPERS] = 0
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how a copy is made: a crew of its own."""
+        return RowCrew, ()
+
+    def __enter__(self) -> None:
+        """Let threads help, those that no other model has, until `__exit__`; Ctrl-C is raised then."""
+        self._depth += 1
+        if self._depth > 1:
+            return
+        self._interrupts.hold()
+        try:
+            self._helpers = ROW_THREADS.begin_serving(self.parts)
+            self._size[HELPERS] = len(self._helpers)
+        except BaseException:
+            self._depth = 0
+            self._interrupts.let_go()
+            raise
+
+    def __exit__(self, *_: object) -> None:
+        """Let no thread help any longer."""
+        self._depth -= 1
+        if self._depth > 0:
+            return
+        threads = self._helpers
+        self.forget_helpers()
+        try:
+            ROW_THREADS.end_serving(threads)
+        finally:
+            self._interrupts.let_go()
+
+    def forget_helpers(self) -> None:
+        """Do all rows alone from now on."""
+        self._size[HELPERS], self._helpers = 0, []

@@ -285,3 +285,18 @@ def test_an_error_in_one_world_leaves_the_others_after_the_step(monkeypatch):
     assert [world.steps for world in env.worlds] == [1, 1, 1]
     assert env.worlds[0].state_hash() == whole.worlds[0].state_hash()
     assert env.worlds[2].state_hash() == whole.worlds[2].state_hash()
+
+
+def test_an_error_before_the_step_of_one_world_keeps_no_other_from_its_step(monkeypatch):
+    monkeypatch.setattr("mesa_swarm.environments.vector.WORLDS", 2)
+    env = crowded_env()
+    action = np.zeros((env.n_worlds, env.commanded, 2))
+    env.step(action)
+    steps = [world.steps for world in env.worlds]
+    env.worlds[1].swarm.disturbances[0] = True  # so that sensors are read again
+    monkeypatch.setattr(type(env.worlds[1]), "sense", lambda self: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        env.step(action)
+    assert [world.steps - before for world, before in zip(env.worlds, steps, strict=True)] == [
+        int(w != 1) for w in range(env.n_worlds)
+    ]

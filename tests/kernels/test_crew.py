@@ -65,7 +65,7 @@ def test_a_row_tells_in_which_range_it_begins(n, parts, data):
 def test_each_row_is_taken_once_by_any_number_of_threads(crew, addresses, n, parts):
     crew.parts = parts
     block = Block(rows := CountedRows(np.zeros(n, np.int64), np.zeros(n, np.int64)))
-    with crew.at_work():
+    with crew:
         assert crew._size[HELPERS] == min(parts, 3) - 1
         codes = [share_rows(crew.numbers, addresses[0], block.numbers, step, n) for step in range(50)]
     assert crew._size[HELPERS] == 0
@@ -78,7 +78,7 @@ def test_each_row_is_taken_once_by_any_number_of_threads(crew, addresses, n, par
 def test_an_error_in_one_range_is_raised_when_all_have_ended_and_the_next_call_is_shared(crew, addresses, row):
     crew.parts = 3
     block = Block(rows := CountedRows(np.zeros(9, np.int64), np.zeros(9, np.int64)))
-    with crew.at_work():
+    with crew:
         with pytest.raises(RuntimeError, match="failed in one of the threads"):
             share_rows(crew.numbers, addresses[1], block.numbers, row, 9)
         assert rows.taken.tolist() == [1] * 9
@@ -90,7 +90,7 @@ def test_who_shares_while_the_threads_are_busy_does_all_itself(crew, addresses):
     other = RowCrew()
     crew.parts = other.parts = 3
     block = Block(rows := CountedRows(np.zeros(9, np.int64), np.zeros(9, np.int64)))
-    with crew.at_work(), other.at_work():
+    with crew, other:
         assert (crew._size[HELPERS], other._size[HELPERS]) == (2, 0)
         share_rows(other.numbers, addresses[0], block.numbers, 1, 9)
         share_rows(crew.numbers, addresses[0], block.numbers, 1, 9)
@@ -100,10 +100,10 @@ def test_who_shares_while_the_threads_are_busy_does_all_itself(crew, addresses):
 def test_threads_serve_the_next_model_after_an_error_of_one(crew, addresses):
     crew.parts = 3
     block = Block(rows := CountedRows(np.zeros(9, np.int64), np.zeros(9, np.int64)))
-    with pytest.raises(KeyboardInterrupt), crew.at_work():
+    with pytest.raises(KeyboardInterrupt), crew:
         raise KeyboardInterrupt
     assert ROW_THREADS.share(6, 3, lambda first, last: last - first) == [2, 2, 2]
-    with crew.at_work():
+    with crew:
         share_rows(crew.numbers, addresses[0], block.numbers, 1, 9)
     assert rows.taken.tolist() == [1] * 9
 

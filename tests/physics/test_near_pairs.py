@@ -95,7 +95,7 @@ def test_threads_sort_as_one_does(seed, n, size, parts):
     crew = RowCrew()
     crew.parts = parts
     calls = SortCalls(*map(code_address, (find_cells, fill_cells, copy_sorted)))
-    with crew.at_work():
+    with crew:
         sort_together(crew.numbers, calls, several.block)
     for name in ("start", "order", "cell_of", "reference", "radii", "numbers"):
         assert (getattr(several.arrays, name) == getattr(one.arrays, name)).all(), name

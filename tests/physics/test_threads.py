@@ -1,6 +1,9 @@
 """Threads share the rows of a step: the same bits for any number of them, and errors and other users are safe."""
 
+import copy
 import os
+import pickle
+import signal
 import threading
 
 import pytest
@@ -10,9 +13,10 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT9, AGENT_FIRE, ProximitySensor, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.kernels.crew import HELPERS
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine
-from mesa_swarm.physics.threads import VARIABLE, RowThreads, split_rows
+from mesa_swarm.physics.threads import ROW_THREADS, VARIABLE, RowCrew, RowThread, RowThreads, split_rows
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 from support.scenes import empty
 
@@ -216,3 +220,82 @@ def test_a_process_that_was_forked_makes_its_own_threads():
     with os.fdopen(ends[0]) as pipe:
         assert pipe.read() == expected
     os.waitpid(child, 0)
+
+
+# ---- what may go wrong while threads help
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model))])
+def test_a_copy_has_a_crew_of_its_own_and_goes_on_in_the_same_way(copied):
+    model = wanderers(SwarmModel(rng=1, threads=3), 50).run(20)
+    other = copied(model)
+    assert other.parts.robots.engine.crew is not model.parts.robots.engine.crew
+    assert (
+        other.run(30).state_hash()
+        == model.run(30).state_hash()
+        == wanderers(SwarmModel(rng=1), 50).run(50).state_hash()
+    )
+
+
+def test_threads_may_be_changed_between_steps():
+    model = wanderers(SwarmModel(rng=1), 50)
+    for threads in (2, 1, 8, 3):
+        model.threads = threads
+        model.run(10)
+    assert model.state_hash() == wanderers(SwarmModel(rng=1), 50).run(40).state_hash()
+
+
+def interrupting(method):
+    """Return a method that does the same, and presses Ctrl-C when it is called and when it is done."""
+
+    def call(self, *arguments):
+        signal.raise_signal(signal.SIGINT)
+        result = method(self, *arguments)
+        signal.raise_signal(signal.SIGINT)
+        return result
+
+    return call
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are raised otherwise")
+@pytest.mark.parametrize(
+    ("kind", "name"), [(RowThread, "start_job"), (RowThread, "wait_for_job"), (RowThreads, "_helpers")]
+)
+def test_ctrl_c_while_threads_are_begun_or_ended_is_raised_when_all_is_done(monkeypatch, kind, name):
+    model = wanderers(SwarmModel(rng=1, threads=3), 50).run(5)
+    before = signal.getsignal(signal.SIGINT)
+    with monkeypatch.context() as patched:
+        patched.setattr(kind, name, interrupting(getattr(kind, name)))
+        with pytest.raises(KeyboardInterrupt):
+            model.run(20)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert not ROW_THREADS._lock.locked()
+    crew = model.parts.robots.engine.crew
+    with crew:
+        assert crew._size[HELPERS] == 2
+    steps = model.steps
+    assert model.run(50 - steps).state_hash() == wanderers(SwarmModel(rng=1), 50).run(50).state_hash()
+
+
+def test_a_thread_that_cannot_serve_keeps_no_step_from_its_end(monkeypatch):
+    def broken(*_arguments):
+        raise MemoryError("no room")
+
+    model = wanderers(SwarmModel(rng=1, threads=3), 50).run(5)
+    with monkeypatch.context() as patched:
+        patched.setattr("mesa_swarm.physics.threads.serve", broken)
+        with pytest.raises(MemoryError, match="no room"):
+            model.run(20)
+    assert not ROW_THREADS._lock.locked()
+    assert model.run(50 - model.steps).state_hash() == wanderers(SwarmModel(rng=1), 50).run(50).state_hash()
+
+
+def test_a_crew_that_is_at_work_may_be_asked_again():
+    crew = RowCrew()
+    crew.parts = 3
+    with crew:
+        with crew:
+            assert crew._size[HELPERS] == 2
+        assert crew._size[HELPERS] == 2
+    assert crew._size[HELPERS] == 0
+    assert not ROW_THREADS._lock.locked()

@@ -317,3 +317,16 @@ def test_a_declared_kind_is_copied_stored_and_goes_on(tmp_path):
         model.run(2)
     assert copy.deepcopy(model).kinds == model.kinds == ("obstacle", "robot", "fire", "load", "wolf", "door")
     assert restore(SwarmModel(rng=1), checkpoint_of(model)).kinds == model.kinds
+
+
+def test_a_class_that_adds_obstacles_in_its_own_way_is_asked_for_those_of_its_map():
+    class Counted(SwarmModel):
+        def add_obstacle(self, shape):
+            shapes.append(shape)
+            return super().add_obstacle(shape)
+
+    shapes = []
+    model, plain = Counted(map="original", rng=1), SwarmModel(map="original", rng=1)
+    assert shapes == list(model.map.obstacles)
+    assert [body.shape for body in model.bodies] == [body.shape for body in plain.bodies]
+    assert [body.unique_id for body in model.bodies] == [body.unique_id for body in plain.bodies]
