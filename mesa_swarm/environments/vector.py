@@ -123,6 +123,7 @@ class VectorSwarmEnv:
         self._arrays = StepArrays.of(self.n_worlds, self.commanded, task.numbers, self.width)
         self._driven: list[DrivenWorld | None] = []
         self._is_ready = np.zeros(self.n_worlds, bool)
+        self._ended = np.zeros(self.n_worlds, bool)
         self._resized = RESIZED[0]
         self._states: StateEncoder | None = None
         self._space: Box | None = None
@@ -199,7 +200,9 @@ class VectorSwarmEnv:
         arrays.reward[is_new], arrays.collided[is_new] = 0.0, False
         for w in np.flatnonzero(is_new).tolist():
             self._renew(w, arrays.observations[w])
-        self._take_step(is_new)
+        # Episodes that have ended in a step that was interrupted are reported now.
+        ended, self._ended = self._ended & ~is_new, np.zeros(self.n_worlds, bool)
+        self._take_step(is_new | ended)
         observations, reward, collided = arrays.observations.copy(), arrays.reward.copy(), arrays.collided.copy()
         self._note_begun(is_new)
         self._returns += reward
@@ -212,7 +215,7 @@ class VectorSwarmEnv:
         return observations, reward, terminated, truncated, infos
 
     def _take_step(self, is_new: np.ndarray) -> None:
-        """Take a step in each world that has not just begun: of those that can in compiled calls."""
+        """Take a step in each world but those that have just begun or ended: of those that can in compiled calls."""
         errors: list[BaseException] = []
         self._is_ready[:] = False
         rows = np.flatnonzero(~is_new).tolist()
@@ -263,6 +266,9 @@ class VectorSwarmEnv:
         except BaseException:  # Ctrl-C, or an error in one of the worlds
             for driven in together:
                 driven.break_off()
+                w, world = driven.row, driven.world
+                self._arrays.late[w] = world.out_of_time
+                self._ended[w] = self._arrays.late[w] or self._arrays.finished[w]
             raise
         for driven in together:
             driven.end_step()
@@ -340,7 +346,7 @@ class VectorSwarmEnv:
         """Note which worlds have begun an episode, and which robots these have."""
         self.begun = is_new
         if is_new.any():
-            self._over = self._over & ~is_new
+            self._over, self._ended = self._over & ~is_new, self._ended & ~is_new
             self._returns[is_new] = 0.0
             self._note_present()
 

@@ -261,6 +261,26 @@ def test_ctrl_c_in_a_call_leaves_all_worlds_after_the_step_and_none_within_it(mo
         assert one.state_hash() == other.state_hash()
 
 
+def test_an_episode_that_ends_in_a_step_that_is_interrupted_is_reported_by_the_next_step(monkeypatch):
+    action, (env, whole) = np.zeros((3, 60, 2)), (crowded_env(), crowded_env())
+    for _ in range(49):
+        env.step(action)
+        whole.step(action)
+    interrupt_once(monkeypatch, vector, "call_worlds", after=True)
+    with pytest.raises(KeyboardInterrupt):
+        env.step(action)
+    ended = list(env.worlds)
+    assert [world.steps for world in ended] == [50, 50, 50]
+    (_, reward, _, truncated, infos), (_, expected, _, also, others) = env.step(action), whole.step(action)
+    assert truncated.all()
+    assert also.all()
+    assert [world.steps for world in ended] == [50, 50, 50]
+    assert (reward == expected).all()
+    assert (infos["final_obs"] == others["final_obs"]).all()
+    assert (infos["returns"] == others["returns"]).all()
+    assert not env.step(action)[3].any()
+
+
 def test_an_error_in_one_world_leaves_the_others_after_the_step(monkeypatch):
     env, whole = crowded_env(), crowded_env()
     failing = []
