@@ -191,7 +191,7 @@ def begin_stretch(model: Any, steps: int, stops: Sequence[Until] = ()) -> Stretc
 
 def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] = ()) -> int:
     """Return how many steps can be taken until something in Python is due, at most `steps`."""
-    most = min(steps, MOST_STEPS, max(MOST_ROBOT_STEPS // max(len(model.swarm), 1), 1))
+    most = min(steps, most_steps_of(model))
     if most < FEWEST_STEPS:
         return 0
     completed = model.completed
@@ -203,6 +203,11 @@ def longest_stretch(model: Any, plan: Plan, steps: int, stops: Sequence[Until] =
         if most < FEWEST_STEPS:
             return 0
     return most
+
+
+def most_steps_of(model: Any) -> int:
+    """Return the most steps of one compiled call, of however many robots those that are worth one."""
+    return min(MOST_STEPS, max(MOST_ROBOT_STEPS // max(len(model.swarm), 1), FEWEST_STEPS))
 
 
 def list_due(model: Any, plan: Plan, stops: Sequence[Until] = ()) -> Iterator[Due]:
@@ -352,7 +357,7 @@ def kernels_of_stops(model: Any, stops: Sequence[Until]) -> list[tuple[Kernel, i
 def describe_driving(model: Any, plan: Plan) -> str:
     """Return in a line how many steps of a model one compiled call takes, and what is due in between."""
     dues = list(list_due(model, plan))
-    most = min(MOST_STEPS, max(MOST_ROBOT_STEPS // max(len(model.swarm), 1), 1), *(due.most for due in dues))
+    most = min([most_steps_of(model), *(due.most for due in dues)])
     if most < FEWEST_STEPS and dues:
         return "one step at a time: what is Python is due in each"
     then = "" if all(isinstance(due, DueAfterwards) for due in dues) else ", then one in Python"

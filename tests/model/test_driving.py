@@ -28,6 +28,7 @@ from mesa_swarm.model.driving import FEWEST_STEPS, drive_model
 from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.models.fire_fighting import FireFighting
 from support.driven_models import Counting, Plain, Reaching, Season, Watching, assert_same, taken
+from support.recorded_twice import steps_driven
 
 
 @pytest.mark.parametrize("name", gallery_names())
@@ -358,3 +359,14 @@ def test_robots_without_room_are_moved_within_a_driven_stretch():
         return model
 
     assert_same(make().run(30), taken(make(), 30))
+
+
+def test_however_many_robots_there_are_a_call_takes_the_steps_that_are_worth_one(monkeypatch):
+    monkeypatch.setattr("mesa_swarm.model.driving.MOST_ROBOT_STEPS", 10)
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT9, 20)
+    assert str(model.plan).endswith("driven: up to 3 steps in one compiled call")
+    with steps_driven() as numbers:
+        model.run(7)
+    assert numbers == [3, 3]
+    assert model.steps == 7
