@@ -37,7 +37,7 @@ class SwarmModel(EngineModel, shows_all=True):
     engine : str
         "compiled", or "shapely": slow and readable, the oracle of the first.
     threads : int, optional
-        How many threads share each step of a world with very many robots, 1 to 256; by default the number in the
+        How many threads share each step of a world with hundreds of robots, 1 to 256; by default the number in the
         environment variable MESA_SWARM_THREADS, or 1. The bits are the same for any number.
     turn_angle_degrees : float
         A robot that meets a flat side at more than this from its normal is turned parallel to it; 0 to 90.

@@ -481,8 +481,8 @@ class EngineModel(MesaModel):
     def threads(self) -> int:
         """How many threads share each step of the compiled engine; may be changed between steps.
 
-        The state has the same bits for any number. Worlds of fewer than some ten thousand robots are not shared: they
-        would not be faster. See `mesa_swarm.physics.threads`.
+        The state has the same bits for any number. Worlds of fewer than 500 robots are not shared, which would make
+        them hardly faster, and of fewer than 10,000 only in `run`. See `mesa_swarm.physics.threads`.
 
         Examples
         --------
