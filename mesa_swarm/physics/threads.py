@@ -233,6 +233,11 @@ class Interrupts:
         if noted is not None:
             handler(*noted)
 
+    def forget(self) -> None:
+        """Raise those to come, and none that was noted."""
+        self._noted = None
+        self.let_go()
+
 
 CREWS: WeakSet["RowCrew"] = WeakSet()
 
@@ -242,7 +247,7 @@ def _forget_threads() -> None:
     ROW_THREADS.__init__()  # type: ignore[misc]
     begin_serving()
     for crew in CREWS:
-        crew.forget_helpers()
+        crew.forget_work()
 
 
 if hasattr(os, "register_at_fork"):
@@ -307,12 +312,13 @@ class RowCrew:
         if self._depth > 0:
             return
         threads = self._helpers
-        self.forget_helpers()
+        self._size[HELPERS], self._helpers, self._depth = 0, [], 0
         try:
             ROW_THREADS.end_serving(threads)
         finally:
             self._interrupts.let_go()
 
-    def forget_helpers(self) -> None:
-        """Do all rows alone from now on."""
-        self._size[HELPERS], self._helpers = 0, []
+    def forget_work(self) -> None:
+        """Be as before `__enter__`, without threads that could be ended."""
+        self._size[HELPERS], self._helpers, self._depth = 0, [], 0
+        self._interrupts.forget()

@@ -299,3 +299,18 @@ def test_a_crew_that_is_at_work_may_be_asked_again():
         assert crew._size[HELPERS] == 2
     assert crew._size[HELPERS] == 0
     assert not ROW_THREADS._lock.locked()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
+def test_a_process_that_is_forked_while_threads_help_begins_without_them_and_listens_to_ctrl_c():
+    crew, handler = RowCrew(), signal.getsignal(signal.SIGINT)
+    crew.parts = 3
+    with crew:
+        child = os.fork()
+        if child == 0:
+            with crew:
+                helps = crew._size[HELPERS] == 2
+            os._exit(0 if helps and signal.getsignal(signal.SIGINT) is handler else 1)
+        assert signal.getsignal(signal.SIGINT) is not handler
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert signal.getsignal(signal.SIGINT) is handler
