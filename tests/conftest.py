@@ -59,9 +59,16 @@ def pytest_runtest_setup(item):
 
 
 @pytest.fixture
-def model_folder(monkeypatch, tmp_path):
-    """Work in an empty folder; forget afterwards what was imported from it: other tests use the same names."""
+def model_folder(monkeypatch, tmp_path, tmp_path_factory):
+    """Work in an empty folder; forget afterwards what was imported from it: other tests use the same names.
+
+    What other tests have left of theirs is not there meanwhile.
+    """
     monkeypatch.chdir(tmp_path)
+    of_tests = str(tmp_path_factory.getbasetemp().parent)
+    for name, module in list(sys.modules.items()):
+        if (getattr(module, "__file__", None) or "").startswith(of_tests):
+            monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "path", list(sys.path))
     finder = gallery.FileFinder()
     monkeypatch.setattr(gallery, "_FILES", finder)
