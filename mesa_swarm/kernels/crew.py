@@ -1,7 +1,7 @@
 """Several threads that do the rows of a kernel, in compiled code.
 
 Threads that help wait in `serve`, as long as a model takes steps. `share_rows` publishes a job, a kernel for ranges of
-rows; whoever is free claims the next range, also who has published it: where the system lets a thread that helps wait
+rows; a thread that is free claims the next range, also the one that has published it: where the system lets one wait
 for a processor, the others do its work. A kernel that is shared writes only what belongs to its rows, so the results
 are the same bits for any number of ranges, and of threads.
 """
@@ -24,7 +24,7 @@ MOST_THREADS = 256
 # Looks at a word before a thread lets others have its processor: a few microseconds.
 LOOKS = np.int64(100)
 # Places in the size of a crew: into how many ranges rows are cut, and how many threads help.
-PARTS, HELPERS = 0, 1
+PARTS, HELPING = 0, 1
 # Rows of a job: its words; which range is next; how many ranges are done.
 WORDS_OF_JOB, CLAIM, DONE, ROWS_OF_JOB = 0, 1, 2, 3
 # Its words: the call, its step, and how many rows there are.
@@ -127,7 +127,7 @@ def share_rows(crew, address, block, step, n):
     """
     c = unpack(crew, CrewArrays)
     job, codes, parts = c.job, c.codes, c.size[PARTS]
-    if c.size[HELPERS] == 0:  # the job may be that of another model
+    if c.size[HELPING] == 0:  # the job may be that of another model
         code = np.int64(0)
         for part in range(parts):
             code = max(code, do_part(address, block, step, n, parts, part))

@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 # The columns of fewer robots are in the caches of a processor.
 FEWEST_ROWS = 16_384
 # Of LLVM's `prefetch`: that something is read or written, that it stays in all caches, that it is not code.
-READ, WRITE, KEEP, DATA = 0, 1, 3, 1
+READ, WRITE, KEEP, NO_CODE = 0, 1, 3, 1
 
 
 def _write_prefetch(purpose: int, context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -25,7 +25,7 @@ def _write_prefetch(purpose: int, context: Any, builder: Any, signature: Any, ar
     pointer, number = ir.IntType(8).as_pointer(), ir.IntType(32)
     kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
     function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-    builder.call(function, [builder.inttoptr(place, pointer), *(number(word) for word in (purpose, KEEP, DATA))])
+    builder.call(function, [builder.inttoptr(place, pointer), *(number(word) for word in (purpose, KEEP, NO_CODE))])
     return context.get_dummy_value()
 
 

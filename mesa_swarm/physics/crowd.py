@@ -12,7 +12,7 @@ from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows
 from mesa_swarm.physics.arcs import copy_places, largest_of
 from mesa_swarm.physics.contact import ContactArrays
 
-# Room for pairs at the beginning: at least for so many, and for two pairs of so many robots.
+# Room for pairs at the beginning: the least number of pairs, and of how many robots two pairs have room.
 FEWEST_PAIRS, PAIRED = 64, 4
 # A NumPy number: Numba would compile a function once more for a literal one that is passed to it.
 ALL = np.int64(0)

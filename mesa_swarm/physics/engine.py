@@ -102,7 +102,7 @@ class Engine(ABC):
         return vars(type(self)()) | {"threads": self.threads}
 
     def at_work(self, robots: int) -> AbstractContextManager:
-        """Return what lets threads share the steps of so many robots, as long as it lasts."""
+        """Return what lets threads share the steps of this number of robots, as long as it lasts."""
         return nullcontext()
 
     @abstractmethod

@@ -71,7 +71,7 @@ class ChunkArrays(NamedTuple):
 
     @classmethod
     def of(cls, count: int, robots: int) -> "ChunkArrays":
-        """Return scratch for so many robots of at most `count` sensors: of many small worlds, all stays in caches."""
+        """Return scratch for robots of at most `count` sensors: of many small worlds, all stays in caches."""
         groups, n = groups_of(count), min(robots, CHUNK)
         m = min(FOUND_OF_ROBOT * (n + 1), MOST_FOUND)
         near, kinds = np.empty((n, groups, LANES)), np.empty((n, LANES * groups), np.int8)

@@ -22,7 +22,7 @@ from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.kernels.block import Block, KernelCall, code_address
 from mesa_swarm.kernels.crew import (
     CODES,
-    HELPERS,
+    HELPING,
     JOB,
     MOST_THREADS,
     PARTS,
@@ -177,7 +177,7 @@ class RowThreads:
     def _helpers(self, helping: int) -> list[RowThread]:
         if not self._threads:
             end_serving()
-            serve(JOB, CODES, REST)  # compiled here: an error is raised where the threads are asked for
+            serve(JOB, CODES, REST)  # compiled here: an error is raised where the threads are required
         while len(self._threads) < helping:
             self._threads.append(RowThread())
         return self._threads[:helping]
@@ -300,7 +300,7 @@ class RowCrew:
         self._interrupts.hold()
         try:
             self._helpers = ROW_THREADS.begin_serving(self.parts)
-            self._size[HELPERS] = len(self._helpers)
+            self._size[HELPING] = len(self._helpers)
         except BaseException:
             self._depth = 0
             self._interrupts.let_go()
@@ -312,7 +312,7 @@ class RowCrew:
         if self._depth > 0:
             return
         threads = self._helpers
-        self._size[HELPERS], self._helpers, self._depth = 0, [], 0
+        self._size[HELPING], self._helpers, self._depth = 0, [], 0
         try:
             ROW_THREADS.end_serving(threads)
         finally:
@@ -320,5 +320,5 @@ class RowCrew:
 
     def forget_work(self) -> None:
         """Be as before `__enter__`, without threads that could be ended."""
-        self._size[HELPERS], self._helpers, self._depth = 0, [], 0
+        self._size[HELPING], self._helpers, self._depth = 0, [], 0
         self._interrupts.forget()

@@ -43,7 +43,7 @@ from mesa_swarm.physics.threads import RowCrew
 from mesa_swarm.world.statics import ROBOT
 
 ONLY = 0
-# How many robots ahead their rows are asked for.
+# How many robots ahead their rows are fetched.
 AHEAD = 16
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm.kernels.block import Block, code_address, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.crew import HELPERS, WORDS, part_of_row, rows_of_words, share_rows
+from mesa_swarm.kernels.crew import HELPING, WORDS, part_of_row, rows_of_words, share_rows
 from mesa_swarm.kernels.type_names import Integers
 from mesa_swarm.physics.threads import ROW_THREADS, RowCrew, split_rows
 
@@ -53,10 +53,10 @@ def addresses():
     return code_address(count_rows), code_address(fail_at_row)
 
 
-@given(n=st.integers(1, 200), parts=st.integers(1, 20), data=st.data())
-def test_a_row_tells_in_which_range_it_begins(n, parts, data):
+@given(n=st.integers(1, 200), parts=st.integers(1, 20), drawn=st.data())
+def test_the_range_that_begins_with_a_row_follows_from_the_row(n, parts, drawn):
     ranges = [pair for pair in enumerate(split_rows(n, parts)) if pair[1][0] < pair[1][1]]
-    part, (first, _) = data.draw(st.sampled_from(ranges))
+    part, (first, _) = drawn.draw(st.sampled_from(ranges))
     assert part_of_row(first, n, parts) == part
 
 
@@ -66,9 +66,9 @@ def test_each_row_is_taken_once_by_any_number_of_threads(crew, addresses, n, par
     crew.parts = parts
     block = Block(rows := CountedRows(np.zeros(n, np.int64), np.zeros(n, np.int64)))
     with crew:
-        assert crew._size[HELPERS] == min(parts, 3) - 1
+        assert crew._size[HELPING] == min(parts, 3) - 1
         codes = [share_rows(crew.numbers, addresses[0], block.numbers, step, n) for step in range(50)]
-    assert crew._size[HELPERS] == 0
+    assert crew._size[HELPING] == 0
     assert rows.taken.tolist() == [50] * n
     assert rows.steps.tolist() == [49] * n
     assert codes == [max((first for first, last in split_rows(n, parts) if first < last), default=0)] * 50
@@ -91,7 +91,7 @@ def test_who_shares_while_the_threads_are_busy_does_all_itself(crew, addresses):
     crew.parts = other.parts = 3
     block = Block(rows := CountedRows(np.zeros(9, np.int64), np.zeros(9, np.int64)))
     with crew, other:
-        assert (crew._size[HELPERS], other._size[HELPERS]) == (2, 0)
+        assert (crew._size[HELPING], other._size[HELPING]) == (2, 0)
         share_rows(other.numbers, addresses[0], block.numbers, 1, 9)
         share_rows(crew.numbers, addresses[0], block.numbers, 1, 9)
     assert rows.taken.tolist() == [2] * 9

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT9, AGENT_FIRE, ProximitySensor, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.kernels.crew import HELPERS
+from mesa_swarm.kernels.crew import HELPING
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine
 from mesa_swarm.physics.threads import ROW_THREADS, VARIABLE, RowCrew, RowThread, RowThreads, split_rows
@@ -272,7 +272,7 @@ def test_ctrl_c_while_threads_are_begun_or_ended_is_raised_when_all_is_done(monk
     assert not ROW_THREADS._lock.locked()
     crew = model.parts.robots.engine.crew
     with crew:
-        assert crew._size[HELPERS] == 2
+        assert crew._size[HELPING] == 2
     steps = model.steps
     assert model.run(50 - steps).state_hash() == wanderers(SwarmModel(rng=1), 50).run(50).state_hash()
 
@@ -295,9 +295,9 @@ def test_a_crew_that_is_at_work_may_be_asked_again():
     crew.parts = 3
     with crew:
         with crew:
-            assert crew._size[HELPERS] == 2
-        assert crew._size[HELPERS] == 2
-    assert crew._size[HELPERS] == 0
+            assert crew._size[HELPING] == 2
+        assert crew._size[HELPING] == 2
+    assert crew._size[HELPING] == 0
     assert not ROW_THREADS._lock.locked()
 
 
@@ -309,7 +309,7 @@ def test_a_process_that_is_forked_while_threads_help_begins_without_them_and_lis
         child = os.fork()
         if child == 0:
             with crew:
-                helps = crew._size[HELPERS] == 2
+                helps = crew._size[HELPING] == 2
             os._exit(0 if helps and signal.getsignal(signal.SIGINT) is handler else 1)
         assert signal.getsignal(signal.SIGINT) is not handler
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
