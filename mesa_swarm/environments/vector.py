@@ -201,8 +201,8 @@ class VectorSwarmEnv:
         for w in np.flatnonzero(is_new).tolist():
             self._renew(w, arrays.observations[w])
         # Episodes that have ended in a step that was interrupted are reported now.
-        ended, self._ended = self._ended & ~is_new, np.zeros(self.n_worlds, bool)
-        self._take_step(is_new | ended)
+        self._take_step(is_new | self._ended)
+        self._ended[:] = False
         observations, reward, collided = arrays.observations.copy(), arrays.reward.copy(), arrays.collided.copy()
         self._note_begun(is_new)
         self._returns += reward

@@ -41,6 +41,7 @@ from mesa_swarm.learning.onnx_files import OnnxPolicy, is_own, onnx_session
 from mesa_swarm.learning.policy import Policy, PolicyLayer
 from mesa_swarm.learning.policy_files import load_policy, unreadable_archive
 from mesa_swarm.model.gallery import is_address, object_at
+from mesa_swarm.world.arena import pause_collection
 
 Act = Callable[[np.ndarray], np.ndarray]
 OfFires = TypeVar("OfFires", SkillPolicy, FireWheelPolicy)
@@ -53,7 +54,7 @@ ALGORITHMS = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
 SB3_PARTS = ("data", "policy.pth", "_stable_baselines3_version")
 SB3_SETTINGS = ("policy_class", "observation_space", "action_space")
 # It packs files without compressing them, and its settings are a few kB of JSON, which take 20 times as much memory.
-MOST_PARTS, MOST_TIMES, LARGEST_SB3, LARGEST_DATA = 64, 100, 1 << 30, 1 << 22
+MOST_PARTS, MOST_TIMES, LARGEST_SB3, LARGEST_DATA = 64, 100, 1 << 30, 1 << 23
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -344,7 +345,8 @@ def _settings_of(file: Path) -> dict:
             raise ValueError(f"its {packed:,} bytes unpack to {unpacked:,}, or its settings to more than a few MB")
         if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members.values()):
             raise ValueError("it is compressed by another method")
-        saved = json.loads(archive.read("data"))
+        with pause_collection():  # of objects of which there may be millions
+            saved = json.loads(archive.read("data"))
     if not isinstance(saved, dict) or not all(isinstance(saved.get(name), dict) for name in SB3_SETTINGS):
         raise ValueError(f"its settings have no {', '.join(SB3_SETTINGS)}")
     return saved

@@ -231,17 +231,37 @@ def code_address(function: Any) -> int:
     return address
 
 
+# A code larger than those of kernels, of one that has raised an error.
+FAILED = np.int64(2**40)
+
+
+def _write_call(context: Any, builder: Any, values: Any) -> tuple[Any, Any]:
+    """Write the call of the function at an address, and return its status and code."""
+    address, *arguments = values
+    kind = context.call_conv.get_function_type(types.int64, SIGNATURE)
+    function = builder.inttoptr(address, kind.as_pointer())
+    return context.call_conv.call_function(builder, function, types.int64, SIGNATURE, arguments)
+
+
 @intrinsic
 def call_at(typing_context: Any, address: Any, block: Any, step: Any, first: Any, last: Any) -> Any:
     """Call the function at an address and return its code; for compiled functions."""
 
     def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        address, *arguments = values
-        kind = context.call_conv.get_function_type(types.int64, SIGNATURE)
-        function = builder.inttoptr(address, kind.as_pointer())
-        status, value = context.call_conv.call_function(builder, function, types.int64, SIGNATURE, arguments)
+        status, value = _write_call(context, builder, values)
         with cgutils.if_unlikely(builder, status.is_error):
             context.call_conv.return_status_propagate(builder, status)
         return value
+
+    return types.int64(types.int64, *SIGNATURE), code
+
+
+@intrinsic
+def try_call_at(typing_context: Any, address: Any, block: Any, step: Any, first: Any, last: Any) -> Any:
+    """Call the function at an address and return its code, `FAILED` for an error; for compiled functions."""
+
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        status, value = _write_call(context, builder, values)
+        return builder.select(status.is_error, context.get_constant(types.int64, int(FAILED)), value)
 
     return types.int64(types.int64, *SIGNATURE), code

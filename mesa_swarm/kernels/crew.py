@@ -15,7 +15,7 @@ from numba import types
 from numba.core.cgutils import ir
 from numba.extending import intrinsic
 
-from mesa_swarm.kernels.block import SIGNATURE, KernelCall, unpack
+from mesa_swarm.kernels.block import FAILED, KernelCall, try_call_at, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import IntegerRows, Integers
 from mesa_swarm.kernels.waiting import add_to_word, read_word, swap_word, wait_while, write_word
@@ -32,8 +32,6 @@ CALL, STEP, ROWS = 0, 3, 4
 # A claim is one word, so that it changes at once: the number of the job, how many ranges it has, and which is next.
 BITS = 12
 LAST = (1 << BITS) - 1
-# A code larger than those of kernels, of one that has raised an error.
-FAILED = np.int64(2**40)
 # Words of a row, which begins where a cache line does: two threads that write to one would wait for each other.
 WORDS = 16
 
@@ -92,20 +90,6 @@ def address_of(typing_context: Any, array: Any) -> Any:
         )
 
     return types.int64(array), code
-
-
-@intrinsic
-def try_call_at(typing_context: Any, address: Any, block: Any, step: Any, first: Any, last: Any) -> Any:
-    """Call the function at an address and return its code, `FAILED` for an error; for compiled functions."""
-
-    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        address, *arguments = values
-        kind = context.call_conv.get_function_type(types.int64, SIGNATURE)
-        function = builder.inttoptr(address, kind.as_pointer())
-        status, value = context.call_conv.call_function(builder, function, types.int64, SIGNATURE, arguments)
-        return builder.select(status.is_error, context.get_constant(types.int64, int(FAILED)), value)
-
-    return types.int64(types.int64, *SIGNATURE), code
 
 
 @compiled

@@ -19,13 +19,17 @@ def count_processors() -> int:
     return os.cpu_count() or 1
 
 
+def _address_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    array = context.make_array(signature.args[0])(context, builder, arguments[0])
+    return builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+
+
 @intrinsic
 def read_word(typing: Any, word: Any) -> Any:
     """Read the first number of an array as another thread has written it last."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+        address = _address_of(context, builder, signature, arguments)
         return builder.load_atomic(address, "acquire", 8)
 
     return types.int64(word), code
@@ -36,8 +40,7 @@ def write_word(typing: Any, word: Any, value: Any) -> Any:
     """Write the first number of an array, so that a thread that reads it sees what was written before."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+        address = _address_of(context, builder, signature, arguments)
         builder.store_atomic(arguments[1], address, "release", 8)
         return context.get_dummy_value()
 
@@ -49,8 +52,7 @@ def swap_word(typing: Any, word: Any, before: Any, after: Any) -> Any:
     """Write the first number of an array if it is what it was before, and return whether it was."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+        address = _address_of(context, builder, signature, arguments)
         pair = builder.cmpxchg(address, arguments[1], arguments[2], "acq_rel", "acquire")
         return builder.zext(builder.extract_value(pair, 1), context.get_value_type(types.boolean))
 
@@ -62,8 +64,7 @@ def add_to_word(typing: Any, word: Any, number: Any) -> Any:
     """Add to the first number of an array at once, and return what it was."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+        address = _address_of(context, builder, signature, arguments)
         return builder.atomic_rmw("add", address, arguments[1], "acq_rel")
 
     return types.int64(word, types.int64), code

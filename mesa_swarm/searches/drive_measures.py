@@ -93,9 +93,9 @@ def tallied(
     try:
         if each is None:
             model.run(steps)
-        else:
-            for step in range(steps):
-                model.step()
+        for step in range(tally.steps, steps):  # also those after a condition has ended the run
+            model.step()
+            if each is not None:
                 each(step)
     finally:
         model.observers.remove(observer)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeGuard, cast
+from typing import TypeGuard
 
 import numpy as np
 import shapely
@@ -19,8 +19,16 @@ MOST_VERTICES = 200_000
 Coordinates = Sequence[float] | np.ndarray
 
 
+class Computed:
+    """What Shapely computes of a shape, once: worlds of one map share its shapes. No field: copies compute it anew."""
+
+    __slots__ = ("_centre", "_hash")
+    _centre: np.ndarray
+    _hash: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
+class Shape(Computed):
     """A disc or a simple polygon with holes, solid or a mark on the ground.
 
     Build one with `disc`, `rectangle` or `polygon`, which check their arguments.
@@ -39,9 +47,6 @@ class Shape:
     geometry: Point | Polygon
     radius: float = 0.0
     contact: bool = field(default=True, kw_only=True)
-    # What Shapely computes of it, once: worlds of one map share its shapes.
-    _centre: np.ndarray | None = field(default=None, init=False, repr=False)
-    _hash: int | None = field(default=None, init=False, repr=False)
 
     @property
     def is_disc(self) -> bool:
@@ -65,10 +70,10 @@ class Shape:
     @property
     def position(self) -> np.ndarray:
         """The centre of a disc, or a polygon's centroid."""
-        if self._centre is None:
+        if not hasattr(self, "_centre"):
             centre = self.geometry if self.is_disc else shapely.centroid(self.geometry)
             object.__setattr__(self, "_centre", read_only(shapely.get_coordinates(centre)[0]))
-        return cast(np.ndarray, self._centre)
+        return self._centre
 
     def __eq__(self, other: object) -> bool:
         """Compare coordinates, radius and contact exactly."""
@@ -78,20 +83,12 @@ class Shape:
 
     def __hash__(self) -> int:
         """Hash what equality compares."""
-        if self._hash is None:
+        if not hasattr(self, "_hash"):
             object.__setattr__(self, "_hash", hash(self._key()))
-        return cast(int, self._hash)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Return how a copy is made: hashes are others in other processes."""
-        return _make_shape, (type(self), self.geometry, self.radius, self.contact)
+        return self._hash
 
     def _key(self) -> tuple:
         return self.geometry.wkb, self.radius, self.contact
-
-
-def _make_shape(kind: type[Shape], geometry: Point | Polygon, radius: float, contact: bool) -> Shape:
-    return kind(geometry, radius, contact=contact)
 
 
 def disc(centre: Coordinates, radius: float, *, contact: bool = True) -> Shape:

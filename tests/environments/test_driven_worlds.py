@@ -271,6 +271,10 @@ def test_an_episode_that_ends_in_a_step_that_is_interrupted_is_reported_by_the_n
         env.step(action)
     ended = list(env.worlds)
     assert [world.steps for world in ended] == [50, 50, 50]
+    interrupt_once(monkeypatch, vector.VectorSwarmEnv, "_take_step", after=True)
+    with pytest.raises(KeyboardInterrupt):  # once more
+        env.step(action)
+    assert [world.steps for world in ended] == [50, 50, 50]
     (_, reward, _, truncated, infos), (_, expected, _, also, others) = env.step(action), whole.step(action)
     assert truncated.all()
     assert also.all()

@@ -217,7 +217,7 @@ def archives():
         "1.5 MB of settings that become 3 GB",
         packed_by_sb3(b"[" + b"[]," * (500 << 20) + b"[]]", deflated)[: 1 << 30],
     )
-    yield "settings at the limit", packed_by_sb3(b"[" + b"[]," * ((4 << 20) // 3 - 1) + b"[]]")
+    yield "settings at the limit", packed_by_sb3(b"[" + b"[]," * ((8 << 20) // 3 - 1) + b"[]]")
     yield "deep settings", packed_by_sb3(b"[" * 1_000_000)
     yield "deep objects", packed_by_sb3(b'{"policy_class":' * 100_000)
     yield "long numbers", packed_by_sb3(b"1" * 5_000_000)

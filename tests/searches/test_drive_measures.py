@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mesa_swarm import AGENT9
+from mesa_swarm import AGENT9, SwarmModel, until
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.learning.fitness import SUMS
 from mesa_swarm.searches.drive_measures import drive_measured, driven_world, tallied
@@ -45,3 +45,17 @@ def test_a_drive_may_go_on_after_one_that_was_measured():
     assert model.steps == 50
     assert first != second
     assert drive_measured(world(), 25) == first
+
+
+def test_a_drive_has_all_its_steps_also_after_a_condition_has_ended_a_run():
+    class Short(SwarmModel):
+        stops = until("steps", at_least=12)
+
+    model = Short(map="original", rng=4, history_every=0, collect_every=0)
+    model.add_robots(AGENT9, 6)
+    model.control = Subsumption(Avoid(), Explore(turn_interval=9))
+    places = np.empty((30, 6, 2))
+    measured = tallied(model, 30, positions=places)
+    assert measured.steps == model.steps == 30
+    assert measured.means() == tallied(world(), 30).means()
+    assert (places[-1] == model.swarm.position).all()

@@ -1,7 +1,10 @@
 """Shapes: what is accepted, what is refused, and when two are equal."""
 
+import copy
 import json
 import math
+import pickle
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -140,3 +143,17 @@ def test_a_closed_outline_is_that_without_its_last_point_and_holes_too():
 def test_a_point_is_two_numbers_and_neither_text_nor_a_flag(point):
     with pytest.raises(InvalidValueError, match=r"centre has the point .*; expected two numbers \(x, y\)"):
         disc(point, 1)
+
+
+@pytest.mark.parametrize("shape", [disc((1, 2), 3), rectangle((0, 0), (4, 2), contact=False)])
+def test_what_was_computed_of_a_shape_is_stored_nowhere_and_copies_are_equal(shape):
+    fresh = replace(shape)
+    assert shape == fresh
+    assert hash(shape) == hash(fresh)
+    assert (shape.position == fresh.position).all()
+    assert asdict(shape).keys() == {"geometry", "radius", "contact"}
+    assert pickle.dumps(shape) == pickle.dumps(replace(shape))
+    for copied in (copy.copy(shape), copy.deepcopy(shape), pickle.loads(pickle.dumps(shape))):
+        assert copied == shape
+        assert hash(copied) == hash(shape)
+        assert (copied.position == shape.position).all()
