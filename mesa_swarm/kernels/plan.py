@@ -209,16 +209,27 @@ def drive_steps(block, steps, completed, begun, rows):
     return 0
 
 
+class WorldsArrays(NamedTuple):
+    """What `drive_worlds` takes, a row a world: see there."""
+
+    blocks: IntegerRows
+    orders: IntegerRows
+    codes: Integers
+
+
 @compiled(nogil=True)
-def drive_worlds(blocks, orders, codes, first, last):
+def drive_worlds(block, step, first, last):
     """Take steps of worlds, of each as `drive_steps` does, and write the code with which each has ended.
 
-    A row a world, for rows `first` to `last`: of `blocks` the numbers of its driver, of `orders` the other arguments,
-    and whether it begins and forgets what was taken before.
+    For rows `first` to `last`: of `blocks` the numbers of its driver, of `orders` the other arguments, and whether it
+    begins and forgets what was taken before.
     """
+    a = unpack(block, WorldsArrays)
+    blocks, orders, codes = a.blocks, a.orders, a.codes
     for w in range(first, last):
         order = orders[w]
         if order[BEGINS]:
             d = unpack(blocks[w], DriveArrays)
             d.progress[TAKEN], d.progress[NEXT], d.stop[ONLY] = 0, 0, False
         codes[w] = drive_steps(blocks[w], order[STEPS], order[COMPLETED], order[BEGUN], order[ROWS])
+    return 0

@@ -7,10 +7,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.kernels.plan import BEGINS, drive_worlds
+from mesa_swarm.kernels.block import Block, code_address
+from mesa_swarm.kernels.crew import share_rows
+from mesa_swarm.kernels.plan import BEGINS, WorldsArrays, drive_worlds
 from mesa_swarm.model.driving import Stretch
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.physics.threads import ROW_THREADS, check_threads
+from mesa_swarm.physics.threads import RowCrew, check_threads
 
 AnyModel = TypeVar("AnyModel", bound=EngineModel)
 
@@ -175,8 +177,15 @@ def call_worlds(blocks: np.ndarray, orders: np.ndarray, threads: int, attend: Ca
 
 def share_worlds(blocks: np.ndarray, orders: np.ndarray, codes: np.ndarray, threads: int) -> None:
     """Let threads take rows of worlds."""
-    parts = min(threads, len(blocks))
-    ROW_THREADS.share(len(blocks), parts, lambda first, last: drive_worlds(blocks, orders, codes, first, last))
+    n, block = len(blocks), Block(WorldsArrays(blocks, orders, codes))
+    parts = min(threads, n)
+    if parts < 2:
+        drive_worlds(block.numbers, np.int64(0), np.int64(0), n)
+        return
+    crew = RowCrew()
+    crew.parts = parts
+    with crew:
+        share_rows(crew.numbers, code_address(drive_worlds), block.numbers, np.int64(0), n)
 
 
 def check_models(models: Iterable[AnyModel]) -> list[AnyModel]:

@@ -1,15 +1,14 @@
-"""Threads that share the rows of one step.
+"""Threads that share the rows of one step, or worlds that take their steps together.
 
-While a model of many robots takes steps, a `RowCrew` waits in compiled code for ranges of rows that kernels share, see
-`kernels.crew`; worlds that are stepped together are shared by `share`. There are as many threads as ranges, but no more
-than processors. They wait for the next job in compiled code for a moment before they sleep, because waking takes longer
-than a small kernel. They belong to the process and serve one model at a time; another that steps meanwhile does all of
-its work itself.
+A `RowCrew` waits in compiled code for ranges of rows that kernels share, see `kernels.crew`, while a model of many
+robots takes steps, or many models do. There are as many threads as ranges, but no more than processors. They wait for
+the next job in compiled code for a moment before they sleep, because waking takes longer than a small kernel. They
+belong to the process and serve one model at a time; another that steps meanwhile does all of its work itself.
 """
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
 from threading import Lock, Thread, current_thread, main_thread
@@ -40,8 +39,6 @@ VARIABLE = "MESA_SWARM_THREADS"
 # Looks at a word before a thread sleeps: about a tenth of a millisecond.
 LOOKS = np.int64(4000)
 
-OnRows = Callable[[int, int], Any]
-
 
 def check_threads(threads: int | None) -> int:
     """Return the number of threads of a model; without one that of the environment variable, or 1.
@@ -63,18 +60,6 @@ def check_threads(threads: int | None) -> int:
             f"the environment variable {VARIABLE} is {shortened(text)}; expected a whole number, 1 to {MOST_THREADS}"
         )
     return int(text)
-
-
-def split_rows(n: int, parts: int) -> Iterator[tuple[int, int]]:
-    """Yield the first row of each part, and one past its last.
-
-    Examples
-    --------
-    >>> list(split_rows(10, 3))
-    [(0, 3), (3, 6), (6, 10)]
-    """
-    for part in range(parts):
-        yield n * part // parts, n * (part + 1) // parts
 
 
 class RowThread:
@@ -138,15 +123,6 @@ class RowThreads:
     def __init__(self) -> None:
         self._lock, self._threads = Lock(), []  # type: tuple[Lock, list[RowThread]]
 
-    def share(self, n: int, parts: int, rows: OnRows) -> list[Any]:
-        """Call ``rows(first, last)`` for the ranges of n rows at the same time, and return the results in order."""
-        if parts == 1 or not self._lock.acquire(blocking=False):
-            return [rows(first, last) for first, last in split_rows(n, parts)]
-        try:
-            return self._share(list(split_rows(n, parts)), rows)
-        finally:
-            self._lock.release()
-
     def begin_serving(self, parts: int) -> list[RowThread]:
         """Let threads wait for ranges of rows, see `share_rows`, and return them; none if another model has them."""
         helping = min(parts, count_processors()) - 1
@@ -181,27 +157,6 @@ class RowThreads:
         while len(self._threads) < helping:
             self._threads.append(RowThread())
         return self._threads[:helping]
-
-    def _share(self, parts: list[tuple[int, int]], rows: OnRows) -> list[Any]:
-        helping = min(len(parts), count_processors()) - 1
-        busy = self._helpers(helping)
-        crews = [list(range(begin, end)) for begin, end in split_rows(len(parts), helping + 1)]
-        results: list[Any] = [None] * len(parts)
-
-        def work(crew: list[int]) -> None:
-            for part in crew:
-                results[part] = rows(*parts[part])
-
-        for thread, crew in zip(busy, crews[1:], strict=True):
-            thread.start_job(partial(work, crew))
-        try:
-            work(crews[0])
-        finally:
-            # All have to be done, or one would write while the next step begins.
-            errors = [error for error in [thread.wait_for_job() for thread in busy] if error is not None]
-        if errors:
-            raise errors[0]
-        return results
 
 
 ROW_THREADS = RowThreads()

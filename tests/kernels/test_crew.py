@@ -1,5 +1,6 @@
 """Threads that do the rows of a kernel: each row once, whatever fails, and the next job is done."""
 
+import threading
 from typing import NamedTuple
 
 import numpy as np
@@ -9,9 +10,15 @@ from hypothesis import strategies as st
 
 from mesa_swarm.kernels.block import Block, code_address, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.crew import HELPING, WORDS, part_of_row, rows_of_words, share_rows
+from mesa_swarm.kernels.crew import HELPING, REST, WORDS, let_others_work, part_of_row, rows_of_words, share_rows
 from mesa_swarm.kernels.type_names import Integers
-from mesa_swarm.physics.threads import ROW_THREADS, RowCrew, split_rows
+from mesa_swarm.kernels.waiting import read_word, write_word
+from mesa_swarm.physics.threads import ROW_THREADS, RowCrew
+
+
+def split_rows(n, parts):
+    """Return the first row of each range of n rows, and one past its last."""
+    return [(n * part // parts, n * (part + 1) // parts) for part in range(parts)]
 
 
 class CountedRows(NamedTuple):
@@ -39,6 +46,18 @@ def fail_at_row(block, step, first, last):
     if first <= step < last:
         raise ValueError("this row")
     return 0
+
+
+@compiled(nogil=True)
+def meet(block, step, first, last):
+    """Wait until all three ranges have begun: 0 if they have, 1 if that takes very long."""
+    taken = unpack(block, CountedRows).taken
+    write_word(taken[first:], np.int64(1))
+    for _ in range(step):
+        if read_word(taken) + read_word(taken[1:]) + read_word(taken[2:]) == 3:
+            return 0
+        let_others_work(unpack(block, CountedRows).steps[0])
+    return 1
 
 
 @pytest.fixture
@@ -102,7 +121,7 @@ def test_threads_serve_the_next_model_after_an_error_of_one(crew, addresses):
     block = Block(rows := CountedRows(np.zeros(9, np.int64), np.zeros(9, np.int64)))
     with pytest.raises(KeyboardInterrupt), crew:
         raise KeyboardInterrupt
-    assert ROW_THREADS.share(6, 3, lambda first, last: last - first) == [2, 2, 2]
+    assert not ROW_THREADS._lock.locked()
     with crew:
         share_rows(crew.numbers, addresses[0], block.numbers, 1, 9)
     assert rows.taken.tolist() == [1] * 9
@@ -113,3 +132,21 @@ def test_rows_of_words_begin_with_cache_lines():
         words = rows_of_words(count)
         assert words.shape == (count, WORDS)
         assert words.ctypes.data % (8 * WORDS) == 0
+
+
+def test_ranges_are_done_at_the_same_time(crew):
+    """Each waits for the others: one thread after the other would never end."""
+    crew.parts = 3
+    block = Block(CountedRows(np.zeros(3, np.int64), np.full(3, REST)))
+    with crew:
+        assert share_rows(crew.numbers, code_address(meet), block.numbers, 10**8, 3) == 0
+
+
+def test_a_thread_that_sleeps_wakes_for_the_next_job(crew, addresses):
+    crew.parts, slept = 3, threading.Event()
+    block = Block(rows := CountedRows(np.zeros(9, np.int64), np.zeros(9, np.int64)))
+    for _ in range(3):
+        with crew:
+            share_rows(crew.numbers, addresses[0], block.numbers, 1, 9)
+        slept.wait(0.05)  # longer than it looks for work
+    assert rows.taken.tolist() == [3] * 9

@@ -7,8 +7,6 @@ import signal
 import threading
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, AGENT_FIRE, ProximitySensor, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.base.errors import InvalidValueError
@@ -16,7 +14,7 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.kernels.crew import HELPING
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine
-from mesa_swarm.physics.threads import ROW_THREADS, VARIABLE, RowCrew, RowThread, RowThreads, split_rows
+from mesa_swarm.physics.threads import ROW_THREADS, VARIABLE, RowCrew, RowThread, RowThreads
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 from support.scenes import empty
 
@@ -148,62 +146,7 @@ def test_a_wrong_number_of_threads_is_refused_and_the_old_one_stays(threads):
     assert model.threads == 2
 
 
-# ---- sharing
-
-
-@given(st.integers(0, 1000), st.integers(1, 20))
-def test_ranges_are_adjacent_and_differ_by_at_most_one_row(n, parts):
-    found = list(split_rows(n, parts))
-    assert [row for first, last in found for row in range(first, last)] == list(range(n))
-    sizes = [last - first for first, last in found]
-    assert len(sizes) == parts
-    assert max(sizes) - min(sizes) <= 1
-
-
-def test_results_come_in_the_order_of_the_ranges_and_from_several_threads():
-    workers, began = RowThreads(), threading.Barrier(3, timeout=30)
-
-    def rows(first, last):
-        if first in (0, 2, 4):  # the first range of each thread: all three at the same time
-            began.wait()
-        return first, last, threading.get_ident()
-
-    found = workers.share(6, 6, rows)
-    assert [(first, last) for first, last, _ in found] == list(split_rows(6, 6))
-    assert len({thread for _, _, thread in found}) == 3
-
-
-@pytest.mark.parametrize("failing", [0, 2, 4])
-def test_an_error_in_one_range_is_raised_when_all_have_ended_and_the_next_job_is_done(failing):
-    workers, done = RowThreads(), []
-
-    def rows(first, _last):
-        if first == failing:
-            raise ValueError(f"row {first}")
-        done.append(first)
-        return first
-
-    with pytest.raises(ValueError, match=f"row {failing}"):
-        workers.share(6, 3, rows)
-    assert sorted(done) == [first for first in (0, 2, 4) if first != failing]
-    assert workers.share(6, 3, lambda first, last: last - first) == [2, 2, 2]
-
-
-def test_who_shares_while_the_threads_are_busy_does_all_itself():
-    workers = RowThreads()
-
-    def rows(first, _last):
-        inner = workers.share(4, 2, lambda *_: threading.get_ident())
-        return first, set(inner) == {threading.get_ident()}
-
-    assert workers.share(6, 3, rows) == [(0, True), (2, True), (4, True)]
-
-
-def test_a_thread_that_sleeps_wakes_for_the_next_job():
-    workers, slept = RowThreads(), threading.Event()
-    assert workers.share(2, 2, lambda first, last: first) == [0, 1]
-    slept.wait(0.05)  # longer than it looks for work
-    assert workers.share(2, 2, lambda first, last: last) == [1, 2]
+# ---- processes
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
