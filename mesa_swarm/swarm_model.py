@@ -202,6 +202,8 @@ class SwarmModel(EngineModel, shows_all=True):
 
         return model_info(cls)
 
+    export = ImportedMethod("live.live_page")
+
     def show(
         self,
         *,

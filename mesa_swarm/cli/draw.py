@@ -15,14 +15,14 @@ from mesa_swarm.cli.options import (
     Force,
     Model,
     Quiet,
-    RecordingFile,
     Seed,
+    SeedOrNone,
     Settings,
     built_model,
     files_of,
     prepare,
 )
-from mesa_swarm.model.gallery import short_name
+from mesa_swarm.model.gallery import check_model_name, short_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,9 +89,17 @@ def parsed_steps(text: str, several: bool) -> list[int]:
 
 @commands.command("export")
 def export_command(
-    file: RecordingFile,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE|MODEL", help="A recording; with --live a model, as `run` takes it.")
+    ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="A .png .svg .gif .mp4 .html .csv or .parquet file.")],
     *,
+    live: Annotated[bool, typer.Option("--live", help="Write a page that runs the model, without Python.")] = False,
+    setting: Settings = None,
+    rng: SeedOrNone = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=0, max=1000, help="The page can begin with the seeds 1 to this; 20 by default.")
+    ] = None,
     steps: Annotated[
         str | None, typer.Option(metavar="A,B,...", help="Stills or rows of these steps; stills: else the last.")
     ] = None,
@@ -110,7 +118,16 @@ def export_command(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a recording as pictures, a film, a page or a table, by the ending of OUT."""
+    """Write a recording as pictures, a film, a page or a table, by the ending of OUT; or a model as a live page."""
+    others = {
+        "--steps": steps, "--every": every, "--from": first, "--to": last, "--sheet": sheet, "--animate": animate,
+        "--fps": fps, "--size": size, "--sectors": sectors, "--trails": trails, "--table": table,
+    }  # fmt: skip
+    if live:
+        refuse_options(others, "a live page does not take it")
+        print(live_page(str(file), out, setting, 1 if rng is None else rng, seeds, force, quiet))
+        return
+    refuse_options({"--set": setting, "--rng": rng, "--seeds": seeds}, "it is for models; add --live")
     prepare()
     from mesa_swarm.viewing.export import export as write
     from mesa_swarm.viewing.pictures import parsed_size
@@ -133,6 +150,23 @@ def export_command(
         progress=not quiet,
     )
     print("\n".join(map(str, paths)))
+
+
+def refuse_options(options: dict[str, object], why: str) -> None:
+    """Refuse the first option that is given."""
+    for name, value in options.items():
+        if value not in (None, False, 0):
+            raise InvalidValueError(f"{name} is given; {why}")
+
+
+def live_page(
+    model: str, out: Path, setting: list[str] | None, rng: int, seeds: int | None, force: bool, quiet: bool
+) -> Path:
+    """Write a page that runs a model, and return its path."""
+    check_apart(out, files_of(check_model_name(model), setting))
+    made = built_model(model, setting, rng)
+    count = {} if seeds is None else {"seeds": seeds}
+    return made.export(out, live=True, overwrite=force, progress=not quiet, **count)
 
 
 @map_commands.callback(invoke_without_command=True)

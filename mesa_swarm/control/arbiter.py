@@ -13,7 +13,7 @@ from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, 
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.layer import Layer, Senses
-from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
+from mesa_swarm.kernels.block import CALL_NUMBERS, Block, KernelCall, call_at, code_address, stack_blocks, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.kernels.part import Kernel, kernel_of
@@ -280,14 +280,11 @@ class Turns:
         first: Callable[[], None] | None = None,
         crew: RowCrew | None = None,
     ) -> None:
-        calls, self.kept = np.zeros((len(kernels), 3), np.int64), []  # type: tuple[np.ndarray, list]
-        for place, kernel in enumerate(kernels):
-            if kernel is not None:
-                call, kept = call_of(kernel, crew)
-                calls[place] = Block(call).numbers
-                self.kept.append(kept)
+        calls = [(None, None) if kernel is None else call_of(kernel, crew) for kernel in kernels]
+        blocks = [None if call is None else Block(call) for call, _ in calls]
+        self.kept = [kept for _, kept in calls]
         self.kernels, self.layers, self.decide, self.first = kernels, layers, decide, first
-        self.arrays = TurnArrays(calls, others, first is not None, np.array([-1, 0, NEW]))
+        self.arrays = TurnArrays(stack_blocks(blocks, CALL_NUMBERS), others, first is not None, np.array([-1, 0, NEW]))
         self.python = [cause for kernel, layer in zip(kernels, layers, strict=True) for cause in _causes(kernel, layer)]
 
     def kernel(self, function: Any, arguments: NamedTuple) -> Kernel:
@@ -419,6 +416,10 @@ class Clearing(NamedTuple):
     value: float
 
 
+# How many numbers the block of one has.
+CLEARING_NUMBERS = 3
+
+
 class DecideArrays(NamedTuple):
     """What `decide_layers` takes.
 
@@ -466,7 +467,7 @@ def kernel_of_stage(
     kernels = [kernel_of(arbiter, "decide", senses, command, layer)]
     turns = Turns(kernels, lambda place: arbiter.decide(senses, command, layer), [arbiter], np.empty(0, np.bool_))
     blocks = [Block(clearing) for clearing in cleared]
-    rows = np.array([block.numbers for block in blocks], np.int64).reshape(-1, 3)
+    rows = stack_blocks(blocks, CLEARING_NUMBERS)
     arrays = {name: columns[name] for name in DecideArrays._fields if name in columns}
     none = KernelCall(0, np.empty(0, np.int64))
     arguments = DecideArrays(turns.arrays, rows, table.numbers, sends, none, none, table.sideways, **arrays)

@@ -31,6 +31,7 @@ from mesa_swarm.control.rule import (
     rule_of,
 )
 from mesa_swarm.control.source import Read, own_randomness, uses_attribute, what_is_read
+from mesa_swarm.kernels.block import stack_blocks
 from mesa_swarm.kernels.draws import Words, words_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.swarm import Swarm
@@ -128,7 +129,7 @@ class Behaviour:
             return None
         columns, fields = self._look(senses)
         blocks = fields.copies()
-        copies = np.array([block.numbers for block in blocks], np.int64).reshape(-1, COPY_NUMBERS)
+        copies = stack_blocks(blocks, COPY_NUMBERS)
         words = Words(0, 0) if self._rng is None else words_of(self._rng)
         own = OfKernel(copies, columns[-1], words, np.array([-1]))
         values = tuple(self.parameters.values())
@@ -141,6 +142,12 @@ class Behaviour:
 
         return kernel and kernel._replace(kept=[kernel.kept, blocks], attend=attend)
 
+    def begin(self) -> None:
+        """Take the rule as it is now, with what it reads by name, unless that was done before."""
+        if self._version < 0:
+            self._read = self.read
+            self._version = self.rule.version_of(self._read)
+
     def _apply(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Apply the rule with the numbers that were drawn for this step."""
         at = np.array([-1])
@@ -148,9 +155,7 @@ class Behaviour:
         try:
             columns, fields = self._look(senses)
             fields.load()
-            if self._version < 0:
-                self._read = self.read
-                self._version = self.rule.version_of(self._read)
+            self.begin()
             wrong = self.rule.run(self._version, columns, fields, values, at, command, layer, index)
             fields.store()
         except UncompiledBehaviourWarning:  # where warnings are errors

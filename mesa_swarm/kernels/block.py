@@ -5,6 +5,8 @@ once; a compiled function that is given its array takes them out at the cost of 
 are those that a class, a `typing.NamedTuple`, declares; see `type_names.declared_type`.
 """
 
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from ctypes import addressof, c_char
 from functools import partial
 from struct import Struct
@@ -25,6 +27,37 @@ NO_BYTES = c_char * 0
 pack_real, unpack_number = Struct("=d").pack, Struct("=q").unpack
 # Of functions that can be called by their addresses: a block, a step, the first row and one past the last.
 SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
+
+
+# What the arrays of numbers hold that are made meanwhile, see `note_blocks`; None where nobody asks.
+_notes: "list[tuple[np.ndarray, Callable[[], Any]]] | None" = None
+
+
+@contextmanager
+def note_blocks() -> Iterator[list[tuple[np.ndarray, Callable[[], Any]]]]:
+    """Note of all blocks that are made meanwhile their numbers, and what returns the values that these stand for.
+
+    The values of rows of blocks are a tuple, see `stack_blocks`.
+
+    Examples
+    --------
+    >>> with note_blocks() as notes:
+    ...     block = Block(KernelCall(5, np.arange(2)))
+    >>> [(numbers, values)] = notes
+    >>> numbers is block.numbers, values().address
+    (True, 5)
+    """
+    global _notes
+    before, _notes = _notes, []
+    try:
+        yield _notes
+    finally:
+        _notes = before
+
+
+def _note(numbers: np.ndarray, values: Callable[[], Any]) -> None:
+    if _notes is not None:
+        _notes.append((numbers, values))
 
 
 class Block:
@@ -62,6 +95,7 @@ class Block:
         check_types(values)
         self._values = values
         self.numbers = np.array(_numbers_of(values), NUMBER)
+        _note(self.numbers, lambda: self._values)
 
     def replace(self, values: Any) -> None:
         """Take other values of the same types, in the same numbers, to which blocks may refer."""
@@ -77,7 +111,40 @@ def pack(values: Any) -> np.ndarray:
 
     For values whose types no class declares, which `unpack_as` takes out again.
     """
-    return np.array(_numbers_of(values), NUMBER)
+    numbers = np.array(_numbers_of(values), NUMBER)
+    _note(numbers, lambda: values)
+    return numbers
+
+
+def stack_blocks(blocks: Sequence["Block | None"], width: int, more: Sequence[tuple[int, ...]] = ()) -> np.ndarray:
+    """Return the numbers of blocks of one class as rows, zeros for None, each followed by what `more` has for it.
+
+    Parameters
+    ----------
+    blocks : sequence of Block or None
+    width : int
+        How many numbers a row has.
+    more : sequence of tuples of int, optional
+        One for each block.
+
+    Examples
+    --------
+    >>> stack_blocks([None], 3).tolist()
+    [[0, 0, 0]]
+    """
+    rows = np.zeros((len(blocks), width), NUMBER)
+    behind = more or [()] * len(blocks)
+    for row, block, others in zip(rows, blocks, behind, strict=True):
+        if block is not None:
+            row[: len(block.numbers)], row[len(block.numbers) :] = block.numbers, others
+    zeros = (0,) * width
+    _note(
+        rows,
+        lambda: tuple(
+            zeros if block is None else (block._values, others) for block, others in zip(blocks, behind, strict=True)
+        ),
+    )
+    return rows
 
 
 # Kinds of arguments that were compared with what their class declares: to ask Numba takes as long as all else.
@@ -217,6 +284,8 @@ class KernelCall(NamedTuple):
     block: Integers
 
 
+# How many numbers the block of one has.
+CALL_NUMBERS = 3
 # Of functions of `SIGNATURE`: code stays where it is.
 ADDRESSES: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
+from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, stack_blocks, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel, Part, Phase, Stage
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers
@@ -125,11 +125,8 @@ class Driver:
     def __init__(self, kernels: Sequence[tuple[Kernel, int]], stop: np.ndarray) -> None:
         self._kernels, self._every = [kernel for kernel, _ in kernels], [every for _, every in kernels]
         self._stop, self.progress = stop, np.zeros(3, np.int64)
-        rows = [
-            (*Block(KernelCall(code_address(kernel.function), kernel.block)).numbers, every)
-            for kernel, every in kernels
-        ]
-        calls = np.array(rows, np.int64).reshape(len(rows), EVERY + 1)
+        blocks = [Block(KernelCall(code_address(kernel.function), kernel.block)) for kernel, _ in kernels]
+        calls = stack_blocks(blocks, EVERY + 1, [(every,) for _, every in kernels])
         self._block = Block(DriveArrays(calls, self.progress, stop))
         self.numbers = self._block.numbers
 

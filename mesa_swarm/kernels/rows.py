@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
+from mesa_swarm.kernels.block import CALL_NUMBERS, Block, KernelCall, call_at, code_address, stack_blocks, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.sequence import sequence_of
@@ -195,6 +195,6 @@ def row_kernel(copies: Sequence[Kernel], counts: np.ndarray, steps: np.ndarray, 
 
     `counts` are as the places above name them; `write` writes a row in Python.
     """
-    calls = [Block(KernelCall(code_address(copy.function), copy.block)).numbers for copy in copies]
-    block = Block(CopiedRows(np.array(calls, np.int64).reshape(len(calls), 3), counts, steps))
+    calls = [Block(KernelCall(code_address(copy.function), copy.block)) for copy in copies]
+    block = Block(CopiedRows(stack_blocks(calls, CALL_NUMBERS), counts, steps))
     return Kernel(copy_row, block.numbers, (block, copies), lambda code: write())

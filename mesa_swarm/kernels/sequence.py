@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
+from mesa_swarm.kernels.block import CALL_NUMBERS, Block, KernelCall, call_at, code_address, stack_blocks, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import IntegerRows, Integers
@@ -31,9 +31,8 @@ def sequence_of(kernels: Sequence[Kernel]) -> Kernel:
     if len(kernels) == 1:
         return kernels[0]
     calls = [Block(KernelCall(code_address(kernel.function), kernel.block)) for kernel in kernels]
-    rows = np.array([call.numbers for call in calls], np.int64).reshape(len(calls), -1 if calls else 0)
     place = np.zeros(1, np.int64)
-    block = Block(SequenceArrays(rows, place))
+    block = Block(SequenceArrays(stack_blocks(calls, CALL_NUMBERS), place))
     return Kernel(run_in_turn, block.numbers, (block, kernels, calls), partial(_attend, kernels, place))
 
 

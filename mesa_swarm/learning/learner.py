@@ -25,7 +25,7 @@ from mesa_swarm.base.errors import (
     shortened,
 )
 from mesa_swarm.control.layer import CompiledLayer, Senses, columns_for, kernel_with
-from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.block import Block, stack_blocks, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
 from mesa_swarm.kernels.part import Kernel
@@ -246,7 +246,7 @@ class LearningLayer(CompiledLayer, Generic[P]):
         born = self._column("born")
         shared = map(self._column, self.learned) if self.shared and not self.frozen and len(born) else ()
         blocks = tuple(Block(SharedColumn(column.reshape(len(column), -1))) for column in shared)
-        rows = np.array([block.numbers for block in blocks], np.int64).reshape(-1, SHARED_NUMBERS)
+        rows = stack_blocks(blocks, SHARED_NUMBERS)
         chance = np.empty(len(born) if self.draws else 0)
         return Lesson(born, rows, chance, stream_of(self._rng), np.array([-1]))
 

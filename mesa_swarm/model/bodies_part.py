@@ -254,12 +254,12 @@ class BodiesPart(Part):
         loads, fires = table.rows(PUSHED), np.flatnonzero(table.kind == FIRE)
         facts: dict[str, Any] = {"map": self.map.bounds, "bodies": self._describe()}
         if len(loads):
-            facts["loads"] = [table.position[loads], table.heading[loads], table.resistance[loads]]
+            facts["loads"] = [pick_rows(column, loads) for column in (table.position, table.heading, table.resistance)]
         if len(movers):
             carriers = [-1 if body.carrier is None else body.carrier.row for body in movers.agents]
             facts["driven"] = [*movers.poses, movers.fresh, movers.blocked, np.array(carriers, np.int64)]
         if len(fires):
-            facts["fires"] = [table.position[fires], table.radius[fires], table.temperature[fires]]
+            facts["fires"] = [pick_rows(column, fires) for column in (table.position, table.radius, table.temperature)]
         return facts
 
     def _describe(self) -> list:
@@ -754,3 +754,17 @@ def wrap_headings(headings: np.ndarray) -> np.ndarray:
 def _check_shape(name: str, shape: Shape) -> None:
     if not isinstance(shape, Shape):
         raise InvalidValueError(f"{name} is {shortened(shape)}; expected disc(...), rectangle(...) or polygon(...)")
+
+
+def pick_rows(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return rows of a column, ascending: a view of it where they follow each other.
+
+    Examples
+    --------
+    >>> column = np.arange(5.0)
+    >>> pick_rows(column, np.array([1, 2])).base is column, pick_rows(column, np.array([0, 2])).tolist()
+    (True, [0.0, 2.0])
+    """
+    if len(rows) and rows[-1] - rows[0] == len(rows) - 1:
+        return column[rows[0] : rows[-1] + 1]
+    return column[rows]

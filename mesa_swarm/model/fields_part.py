@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.geometry.diffusion import FieldBlocks, advance_fields
-from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.block import Block, stack_blocks
 from mesa_swarm.kernels.part import Column, Context, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.shapes import Shape
@@ -88,7 +88,7 @@ class FieldsPart(Part):
         """Return what advances all fields, made anew when these or their walls have changed."""
         if self.cache.kernel is None:
             blocks = [field.block() for field in self.live.values()]
-            rows = np.array([block.numbers for block in blocks], np.int64).reshape(len(blocks), -1 if blocks else 0)
+            rows = stack_blocks(blocks, len(blocks[0].numbers) if blocks else 0)
             every = Block(FieldBlocks(rows))
             self.cache.kernel = Kernel(advance_fields, every.numbers, (every, blocks))
         return self.cache.kernel

@@ -17,7 +17,7 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.kernels.block import Block, KernelCall, code_address
+from mesa_swarm.kernels.block import CALL_NUMBERS, Block, KernelCall, code_address, stack_blocks
 from mesa_swarm.kernels.measuring import (
     COUNT,
     ELEMENT,
@@ -328,11 +328,10 @@ class MeasuredRows:
         specs = [measure.spec for measure in measures.values()]
         kernels = [kernel_of_measure(spec, model, numbers, slot) for slot, spec in enumerate(specs)]
         self._whole = [is_whole_number(spec, array_of(model, spec.column)) for spec in specs]
-        calls = [Block(KernelCall(code_address(kernel.function), kernel.block)).numbers for kernel in kernels]
+        calls = [Block(KernelCall(code_address(kernel.function), kernel.block)) for kernel in kernels]
         self._table, self._steps = np.zeros((MOST_ROWS, len(measures))), np.zeros(MOST_ROWS, np.int64)
         self._count = np.zeros(1, np.int64)
-        rows = np.array(calls, np.int64).reshape(len(calls), 3)
-        block = Block(RowArrays(rows, numbers, self._table, self._steps, self._count))
+        block = Block(RowArrays(stack_blocks(calls, CALL_NUMBERS), numbers, self._table, self._steps, self._count))
         self.kernel = Kernel(write_row, block.numbers, (block, kernels), lambda code: self.finish(), self.finish)
 
     def finish(self) -> None:

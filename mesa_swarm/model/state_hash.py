@@ -49,6 +49,10 @@ class Pieces(list):
 
     update = list.append
 
+    def add_array(self, array: np.ndarray) -> None:
+        """Add the numbers of an array."""
+        self.append(bytes_of_numbers(array))
+
     def hexdigest(self) -> str:
         """Return the digest."""
         return blake2b(b"".join(self), digest_size=16).hexdigest()
@@ -56,8 +60,13 @@ class Pieces(list):
 
 def state_hash_of(model: Any) -> str:
     """Return the fingerprint of a model whose sensors were read, see `EngineModel.state_hash`."""
-    digest = Pieces()
-    digest.update(f"{model.completed}".encode())
+    digest = Pieces([f"{model.completed}".encode()])
+    add_state(digest, model)
+    return digest.hexdigest()
+
+
+def add_state(digest: Pieces, model: Any) -> None:
+    """Add all that a fingerprint is of but the number of steps, which is its first piece."""
     for name, part in model.parts.items():
         columns = [(key, column.array) for key, column in sorted(part.columns().items()) if column.role in HASHED]
         declared = part.parameters() if hasattr(part, "parameters") else part.store()
@@ -68,7 +77,6 @@ def state_hash_of(model: Any) -> str:
             digest.update(f"{column_name} {array.shape};".encode())
             _add_array(digest, array)
         add_part(digest, declared)
-    return digest.hexdigest()
 
 
 def written_state_hash(model: Any) -> str:
@@ -208,12 +216,19 @@ def _number(value: float) -> bytes:
 
 def _add_array(digest: Any, array: np.ndarray) -> None:
     digest.update(f"array {array.shape};".encode())
+    if isinstance(digest, Pieces):
+        digest.add_array(array)
+    else:
+        digest.update(bytes_of_numbers(array))
+
+
+def bytes_of_numbers(array: np.ndarray) -> bytes:
+    """Return the numbers of an array as those of float64 or int64, other kinds as they are."""
     if array.dtype.kind == "f":
-        digest.update((np.asarray(array, np.float64) + 0.0).tobytes())
-    elif array.dtype.kind in "biu":
-        digest.update(np.asarray(array, np.int64 if array.dtype.kind != "u" else np.uint64).tobytes())
-    elif array.dtype.kind in KINDS:
-        digest.update(f"{array.dtype.str}".encode() + array.tobytes())
+        return (np.asarray(array, np.float64) + 0.0).tobytes()
+    if array.dtype.kind in "biu":
+        return np.asarray(array, np.int64 if array.dtype.kind != "u" else np.uint64).tobytes()
+    return f"{array.dtype.str}".encode() + array.tobytes() if array.dtype.kind in KINDS else b""
 
 
 def _add_items(digest: Any, values: Any, depth: int) -> None:

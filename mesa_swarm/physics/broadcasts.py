@@ -7,7 +7,7 @@ import numpy as np
 
 from mesa_swarm.geometry.grid import CellLists, Grid, GridNumbers, cell_index, cells_of, sort_into_cells
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
-from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.block import Block, stack_blocks, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.draws import Words, draw_at, draw_word
 from mesa_swarm.kernels.elementary import atan2, direction_of, hypot
@@ -95,7 +95,7 @@ class Channel:
         grid = Grid.over(surroundings.bounds, max(radio.range, 1e-9), FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm))
         statics, moving = surroundings.statics, surroundings.moving
         messages = self._message_blocks(swarm)
-        rows = np.array([block.numbers for block in messages], np.int64).reshape(len(messages), -1 if messages else 0)
+        rows = stack_blocks(messages, len(messages[0].numbers) if messages else 0)
         block = Block(
             HearArrays(
                 beacons=self._beacons,

@@ -1,0 +1,1 @@
+"""Pages on which a model runs: its kernels as WebAssembly, its arrays as one image of memory."""

@@ -1,0 +1,198 @@
+/* A model that runs in the browser, or in Node: its functions as WebAssembly, its arrays as an image of memory, both out
+   of the page (mesa_swarm/live/). Nothing is loaded from anywhere. */
+
+const PAGE = 65536;
+const SPARE = 2 * 1024 * 1024;
+const STACK = 2 ** 18 - 64;
+const MOST_STEPS = 1000;
+const [TAKEN, , CODE] = [0, 1, 2];
+const RAISED = -2147483648;
+const VIEWS = {
+  f8: Float64Array, f4: Float32Array, i8: BigInt64Array, u8: BigUint64Array, i4: Int32Array, u4: Uint32Array,
+  i2: Int16Array, u2: Uint16Array, i1: Int8Array, u1: Uint8Array, b1: Uint8Array,
+};
+
+/** Return bytes that were compressed and written as text. */
+export async function inflatedText(text) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Bytes as differences from others, word by word. */
+export function added(bytes, others) {
+  const sum = bytes.slice();
+  for (let k = 0; k < Math.min(sum.length, others.length); k++) sum[k] ^= others[k];
+  return sum;
+}
+
+export class LiveModel {
+  #exports;
+  #memory;
+  #start;
+  #image;
+  #completed = 0;
+  #emptied = false;
+  #set = new Map();
+
+  /** Begin with a module, bytes, and starts: `{ seed: { places, image } }`, of which images are bytes. */
+  constructor(module, about, starts) {
+    this.about = about;
+    this.starts = starts;
+    const most = Math.max(...[...starts.values()].map(({ places }) => places.end));
+    this.#memory = new WebAssembly.Memory({ initial: Math.ceil((most + SPARE) / PAGE) });
+    const table = new WebAssembly.Table({ initial: about.functions + 2, element: "anyfunc" });
+    const env = {
+      __linear_memory: this.#memory,
+      __stack_pointer: new WebAssembly.Global({ value: "i32", mutable: true }, STACK),
+      __indirect_function_table: table,
+    };
+    const { exports } = new WebAssembly.Instance(new WebAssembly.Module(module), { env });
+    this.#exports = exports;
+    for (const [name, place] of Object.entries(about.table)) table.set(place, exports[name]);
+    this.reset({ seed: about.seed });
+  }
+
+  /** How many steps were taken. */
+  get steps() { return this.#completed; }
+  /** Whether a condition of the model has ended the run. */
+  get ended() { return this.#emptied; }
+  get start() { return this.#start; }
+
+  /** Begin anew, with the seed of before or another one. */
+  reset({ seed = this.seed } = {}) {
+    const start = this.starts.get(Number(seed));
+    if (!start) {
+      const seeds = [...this.starts.keys()].join(", ");
+      throw new Error(`seed is ${seed}; this page has ${seeds}: export another page for more`);
+    }
+    this.seed = Number(seed);
+    this.#start = start.places;
+    this.#image = start.image;
+    new Uint8Array(this.#memory.buffer, this.about.base, this.#image.length).set(this.#image);
+    this.#exports.begin_heap((this.about.base + this.#image.length + 63) & ~63);
+    for (const [name, value] of this.#set) this.#write(this.#described(name), value);
+    this.#completed = this.about.steps;
+    this.#emptied = false;
+    const { rows } = this.#start;
+    this.series = { steps: [], values: rows ? rows.names.map(() => []) : [] };
+    this.#sense();
+  }
+
+  /** Take steps, and return how many were taken: fewer where the run ends. */
+  step(count = 1) {
+    let taken = 0;
+    while (taken < count && !this.#emptied) {
+      const steps = Math.min(count - taken, MOST_STEPS), now = this.#drive(steps);
+      taken += now;
+      this.#completed += now;
+      this.#collect();
+      if (this.#view("b1", this.#start.stop, 1)[0]) this.#emptied = true;
+      else if (now < steps) break;
+    }
+    return taken;
+  }
+
+  /** Return the numbers of a column as they are now, of robots or, as "fires.temperature", of another part. */
+  column(name) {
+    const found = this.#start.columns[name];
+    if (!found) throw new Error(`column is ${name}; expected one of ${Object.keys(this.#start.columns).join(", ")}`);
+    const [address, type, shape] = found;
+    const array = this.#view(type, address, shape.reduce((product, length) => product * length, 1)).slice();
+    return type === "i8" ? Float64Array.from(array, Number) : array;
+  }
+
+  /** Return temperature, visitors and whether it is out of a fire. */
+  fire(place) {
+    const { temperature, robots, out } = this.#start.fires;
+    const visitors = Number(this.#view("i8", robots + 8 * place, 1)[0]);
+    return [this.#view("f8", temperature[place], 1)[0], visitors, this.#view("b1", out + place, 1)[0]];
+  }
+
+  /** Return the fingerprint of the model as it is now: that of `model.state_hash()`. */
+  hash() {
+    const [digest, pieces, count] = this.#start.digest;
+    this.#sense();
+    this.#checked(this.#exports.call_kernel(digest, pieces, count, this.#completed, 0, 0));
+    return Array.from(this.#view("u1", this.#start.hash, 16), (byte) => byte.toString(16).padStart(2, "0")).join("");
+  }
+
+  /** The parameters as they are now, by name: those that can be changed, and others. */
+  get parameters() {
+    return { ...this.about.fixed, ...Object.fromEntries(this.about.parameters.map(({ name }) => [name, this.value(name)])) };
+  }
+
+  /** Return what a parameter is now. */
+  value(name) { return this.#set.get(name) ?? this.#described(name).value; }
+
+  /** Change a parameter from the next step on, as `continued` does in Python; it stays so after a reset. */
+  set(name, value) {
+    const parameter = this.#described(name);
+    const { options, minimum, maximum, whole, values } = parameter;
+    const number = options ? value : Number(value);
+    if (options && !options.includes(value)) throw new Error(`${name} is ${value}; expected ${options.join(" or ")}`);
+    if (!options && !(number >= minimum && number <= maximum)) throw new Error(`${name} is ${value}; expected a number from ${minimum} to ${maximum}`);
+    if (whole && !Number.isInteger(number)) throw new Error(`${name} is ${value}; expected a whole number`);
+    if (values && !options && !values.includes(number)) {
+      const near = values.reduce((best, other) => (Math.abs(other - number) < Math.abs(best - number) ? other : best));
+      throw new Error(`${name} is ${value}, of which this page has not the numbers; the nearest that it has is ${near}`);
+    }
+    this.#set.set(name, number);
+    this.#write(parameter, number);
+  }
+
+  #described(name) {
+    const { parameters } = this.about, found = parameters.find((parameter) => parameter.name === name);
+    if (found) return found;
+    const known = parameters.map((parameter) => parameter.name).join(", ") || "none";
+    const why = name in this.about.fixed ? "it acts from the beginning of a run: export a page with another value" : "there is no such parameter";
+    throw new Error(`${name} cannot be changed here, ${why}; those that can: ${known}`);
+  }
+
+  #write({ copies, places = [], values = [], bytes = [] }, value) {
+    const memory = new DataView(this.#memory.buffer), base = this.about.base;
+    for (const place of copies.f8 ?? []) memory.setFloat64(base + place, value, true);
+    for (const place of copies.i8 ?? []) memory.setBigInt64(base + place, BigInt(value), true);
+    const row = bytes[values.indexOf(value)];
+    places.forEach((place, k) => memory.setUint8(base + place, row[k]));
+  }
+
+  #view(type, address, count) { return new VIEWS[type](this.#memory.buffer, address, count); }
+
+  /** Let robots read their sensors, as they do at the beginning of a step; to read twice gives the same. */
+  #sense() {
+    const [place, block, length] = this.#start.sense;
+    this.#checked(this.#exports.call_kernel(place, block, length, this.#completed + 1, 0, this.#start.robots));
+  }
+
+  #drive(steps) {
+    const progress = this.#view("i8", this.#start.progress, 3);
+    progress.fill(0n);
+    this.#view("b1", this.#start.stop, 1)[0] = 0;
+    const [block, length] = this.#start.driver, robots = this.#start.robots;
+    const code = this.#exports.drive(block, length, steps, this.#completed, this.#completed, robots);
+    this.#checked(code);
+    return Number(this.#view("i8", this.#start.progress, 3)[TAKEN]);
+  }
+
+  #checked(code) {
+    if (code === 0) return;
+    const step = this.#completed + Number(this.#view("i8", this.#start.progress, 3)[TAKEN]) + 1;
+    const what = code === RAISED ? "a function has raised an error" : `Python is needed (code ${code})`;
+    throw new Error(`step ${step} cannot be taken here: ${what}; run the model in Python to see why`);
+  }
+
+  /** Take the rows of measures, and empty what only Python reads. */
+  #collect() {
+    for (const address of this.#start.counts) this.#view("i8", address, 1)[0] = 0n;
+    const { rows } = this.#start;
+    if (!rows) return;
+    const count = this.#view("i8", rows.count, 1), found = Number(count[0]), width = rows.names.length;
+    const steps = this.#view("i8", rows.steps, found), table = this.#view("f8", rows.table, found * width);
+    for (let row = 0; row < found; row++) {
+      this.series.steps.push(Number(steps[row]));
+      for (let k = 0; k < width; k++) this.series.values[k].push(table[row * width + k]);
+    }
+    count[0] = 0n;
+  }
+}

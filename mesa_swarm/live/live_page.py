@@ -1,0 +1,346 @@
+"""A model as one page that runs it: `export_live`, and what the page holds."""
+
+import json
+import os
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Mapping
+from copy import deepcopy
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+from zlib import compress
+
+import numpy as np
+
+from mesa_swarm.base.errors import ExportError, InvalidValueError, SwarmError, check_count, shortened
+from mesa_swarm.base.files import draft_of
+from mesa_swarm.base.progress import progress_bar
+from mesa_swarm.live.binaries import PREFIX, module_of
+from mesa_swarm.live.image import Functions
+from mesa_swarm.live.settings import Change, find_change, positions_of
+from mesa_swarm.live.starts import BASE, Start, make_start
+from mesa_swarm.model.info import model_info
+from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
+from mesa_swarm.recording.continuing import continued
+from mesa_swarm.recording.provenance import parameters_of_run
+from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing.scene import scene_of
+from mesa_swarm.viewing.server_headers import policy, source_of
+
+SEEDS = 20
+MOST_SEEDS = 1000
+# Values of a parameter that acts from the beginning of a run for which a page has a start.
+MOST_VARIANTS = 5
+# A page with more robots has one start: images are large.
+MOST_ROBOTS_WITH_SEEDS = 200
+LEVEL = 9
+
+
+class LivePage:
+    """What a page has of a model: its starts, their module, and what its parameters change.
+
+    Parameters
+    ----------
+    model : SwarmModel
+    seeds : iterable of int
+        With which of them it can begin, besides its own.
+
+    Raises
+    ------
+    ExportError
+        If something in a step of the model is Python, or not of a kind that pages have.
+    """
+
+    def __init__(self, model: Any, seeds: Iterable[int] = range(1, SEEDS + 1), progress: bool = False) -> None:
+        self.model_class, self.functions = type(model), Functions()
+        warm_up(model)
+        self.given = parameters_of_run(model)
+        self.variants: list[dict[str, Any]] = []
+        self.is_assembled = not can_be_made_anew(model)
+        if self.is_assembled:
+            own, start = make_start(lambda: deepcopy(model), self.functions)
+            self.seed, self._first = _seed_of(model), own
+            starts = {self.seed: (own, start)}
+        else:
+            self.seed = _seed_of(model)
+            wanted = [self.seed, *(seed for seed in seeds if seed != self.seed)]
+            starts = {}
+            with progress_bar(len(wanted), "starts", progress) as bar:
+                for seed in wanted[: 1 if len(model.swarm) > MOST_ROBOTS_WITH_SEEDS else None]:
+                    starts[seed] = make_start(lambda seed=seed: self.make(rng=seed), self.functions)
+                    bar.update(1)
+            self._first = starts[self.seed][0]
+        self.starts = starts
+        self.changes = {} if self.is_assembled else self._find_changes()
+
+    def make(self, **changes: Any) -> Any:
+        """Return a model like the one that is exported, before its first step, with other parameters."""
+        return self.model_class(**{**self.given, **changes})
+
+    # ---- parameters
+
+    def _find_changes(self) -> dict[str, tuple[Parameter, Any, list[Any], Change]]:
+        """Return what each parameter changes that a page can change while the model runs, with the values it may have."""
+        start, found = self.starts[self.seed][1], {}
+        for name, parameter in parameters_of(self.model_class).items():
+            value = self.given.get(name, parameter.default)
+            values = [other for other in positions_of(parameter) if other == value or self._is_accepted(name, other)]
+            if len(values) < 2 or value is None:
+                continue
+            change = find_change(values, value, start, lambda other, name=name: self._continued(**{name: other}), self.functions)
+            if change is not None and (any(change.copies.values()) or change.bytes):
+                found[name] = parameter, value, values, change
+        for name in overlapping({name: change for name, (*_, change) in found.items()}):
+            found.pop(name, None)
+        return self._apart(found)
+
+    def _is_accepted(self, name: str, value: Any) -> bool:
+        try:
+            self.make(rng=self.seed, **{name: value})
+        except SwarmError:
+            return False
+        return True
+
+    def _continued(self, **changes: Any) -> Any:
+        return continued(self.make(rng=self.seed), **changes)
+
+    def _apart(self, found: dict[str, Any]) -> dict[str, Any]:
+        """Return the parameters that may be changed together: the image is then that of Python."""
+        extremes = {name: values[-1] if values[-1] != value else values[0] for name, (_, value, values, _) in found.items()}
+        refused = [
+            pair for pair in combinations(found, 2) if not self._are_independent({name: extremes[name] for name in pair}, found)
+        ]
+        for one, other in refused:
+            if one in found and other in found:
+                found.pop(other)
+        return found
+
+    def _are_independent(self, values: dict[str, Any], found: dict[str, Any]) -> bool:
+        start = self.starts[self.seed][1]
+        try:
+            both = make_start(lambda: self._continued(**values), self.functions.copy())[1]
+            plain = make_start(lambda: self._continued(**{name: found[name][1] for name in values}), self.functions.copy())[1]
+        except SwarmError:
+            return False
+        content = np.frombuffer(plain.image.content, np.uint8).copy()
+        for name, value in values.items():
+            put_change(content, found[name][3], value)
+        return both.places == start.places and content.tobytes() == both.image.content
+
+    # ---- what is written
+
+    def parts(self) -> tuple[dict[str, Any], dict[str, bytes]]:
+        """Return what the page reads first, as JSON, and its other parts by name."""
+        module = module_of(self.functions.places)
+        first = self.starts[self.seed][1].image.content
+        content = {"module": module}
+        starts = []
+        own_world = scene_of(self._first).world()
+        for seed, (model, start) in self.starts.items():
+            image, world = start.image.content, scene_of(model).world()
+            differs = seed != self.seed and len(image) == len(first)
+            content[f"start-{seed}"] = difference(image, first) if differs else image
+            places = None if seed != self.seed and start.places == self.starts[self.seed][1].places else start.places
+            starts.append({"seed": seed, "differs": differs, "places": places, "world": None if seed != self.seed and world == own_world else world})
+        info = model_info(self.model_class)
+        about = {
+            "model": self.model_class.__name__,
+            "base": BASE,
+            "seed": self.seed,
+            "steps": self._first.completed,
+            "functions": max(self.functions.places.values()),
+            "table": {
+                function if isinstance(function, str) else f"{PREFIX}{place}": place
+                for function, place in self.functions.places.items()
+            },
+            "starts": starts,
+            "parameters": [self._described(*facts) for facts in self.changes.values()],
+            "fixed": {name: str(value) for name, value in self.given.items() if name not in self.changes and name != "rng"},
+            "speed": info.speed,
+            "look": self._look(),
+        }
+        return about, content
+
+    def _look(self) -> dict[str, Any] | None:
+        """Return the column by which robots are coloured, and its range."""
+        looks = scene_of(self._first).changes[0][1].get("looks", {})
+        return {name: looks["column"][name] for name in ("name", "low", "high")} if "column" in looks else None
+
+    def _described(self, parameter: Parameter, value: Any, values: list[Any], change: Change) -> dict[str, Any]:
+        control: Any = parameter.control
+        described = {"name": parameter.name, "help": parameter.help, "value": value, "copies": change.copies}
+        if change.bytes:
+            described |= {"places": change.places, "values": list(change.bytes), "bytes": list(change.bytes.values())}
+        if isinstance(control, Slider):
+            step = control.step
+            described |= {"minimum": min(values), "maximum": max(values), "step": step, "whole": parameter.kind is int}
+        elif isinstance(control, Choice):
+            described |= {"options": list(change.bytes)}
+        return described
+
+
+def warm_up(model: Any) -> None:
+    """Let what is compiled in a first step be compiled: rules, above all."""
+    same = deepcopy(model)
+    same.run(2)
+
+
+def can_be_made_anew(model: Any) -> bool:
+    """Return whether the constructor of a model's class, with the model's parameters, makes it as it is."""
+    given = parameters_of_run(model)
+    try:
+        other = type(model)(**given)
+        return other.run(model.steps).state_hash() == model.state_hash()
+    except Exception:  # of a user's constructor
+        return False
+
+
+def _seed_of(model: Any) -> int:
+    seed = parameters_of_run(model).get("rng")
+    return int(seed) if isinstance(seed, (int, np.integer)) else 0
+
+
+def overlapping(changes: Mapping[str, Change]) -> set[str]:
+    """Return the names of parameters that change bytes which another changes too."""
+    names: set[str] = set()
+    touched = {name: bytes_of(change) for name, change in changes.items()}
+    for one, other in combinations(touched, 2):
+        if touched[one] & touched[other]:
+            names |= {other} if not changes[one].bytes else {one}
+    return names
+
+
+def bytes_of(change: Change) -> set[int]:
+    """Return the places of all bytes that a change may write."""
+    copied = {place + k for places in change.copies.values() for place in places for k in range(8)}
+    return copied | set(change.places)
+
+
+def put_change(content: np.ndarray, change: Change, value: Any) -> None:
+    """Write a value into the bytes of an image, as pages do."""
+    for form, places in change.copies.items():
+        number = np.array([value], f"<{form}").view(np.uint8)
+        for place in places:
+            content[place : place + 8] = number
+    if change.bytes:
+        content[change.places] = change.bytes[value]
+
+
+def difference(content: bytes, other: bytes) -> bytes:
+    """Return where bytes differ from others: zero where they do not.
+
+    Examples
+    --------
+    >>> difference(b"ab", b"aa")
+    b'\\x00\\x03'
+    """
+    return (np.frombuffer(content, np.uint8) ^ np.frombuffer(other, np.uint8)).tobytes()
+
+
+IMPORTS = (
+    'import { Stage, fillLegend, togglesOf } from "../viewing/canvas.js";\n',
+    'import { LiveModel, added, inflatedText } from "./live.js";\n',
+)
+
+
+def page_script() -> str:
+    """Return all that the page runs."""
+    texts = palette.palette_script() + text_of("viewing/canvas.js", "viewing/elements.js", "live/live.js")
+    player = text_of("live/live_player.js")
+    for line in IMPORTS:
+        player = player.replace(line, "")
+    return "\n" + texts + player
+
+
+def style() -> str:
+    """Return how the page looks, with the colours of its two themes."""
+    return palette.style_sheet(":root", ':root[data-theme="dark"]') + text_of("viewing/player.css", "live/live.css")
+
+
+def sources() -> dict[str, str]:
+    """Return what the page may run and load, as `policy` takes it: its own script, and the module in it."""
+    return {
+        "script-src": f"{source_of(page_script())} 'wasm-unsafe-eval'",
+        "style-src": "'unsafe-inline'",
+        "img-src": "data: blob:",
+    }
+
+
+def page_text(about: dict[str, Any], content: Mapping[str, bytes]) -> str:
+    """Return the page of a model."""
+    facts = json.dumps(about, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    elements = [f'<script type="application/json" id="about">{facts}</script>']
+    for name, piece in content.items():
+        text = b64encode(compress(piece, LEVEL)).decode()
+        elements.append(f'<script type="text/plain" id="{name}">{text}</script>')
+    page = text_of("live/live.html")
+    parts = {"policy": policy(sources(), in_page=True), "style": style(), "script": page_script()}
+    for name, text in {**parts, "data": "\n".join(elements)}.items():
+        page = page.replace(f"{{{{{name}}}}}", text, 1)
+    return page
+
+
+def export(
+    model: Any,
+    path: str | os.PathLike[str],
+    *,
+    live: bool = True,
+    seeds: int = SEEDS,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Path:
+    """Write a page that runs the model in any browser: one file, which needs neither Python nor a network.
+
+    The page has the bits of Python: its fingerprint after any number of steps is `state_hash()`. It begins as the model
+    began; a model that was put together by hand, or changed, begins as it stands, with its own seed only.
+
+    Parameters
+    ----------
+    path : str or Path
+        A .html file.
+    live : bool
+        True; a run that was recorded is exported by ``mesa_swarm.viewing.export.export``.
+    seeds : int
+        The page can begin with the seeds 1 to this, besides the model's own.
+    overwrite : bool
+        Whether a file that is there is replaced.
+    progress : bool
+        Whether to show a bar.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ExportError
+        If something in a step is Python, in one line that names it, the file exists already or cannot be written.
+    InvalidValueError
+        If the path is not that of a .html file, or live is False.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.fire_fighting import FireFighting
+    >>> FireFighting(n_robots=3, rng=1).export("fires.html", live=True)  # doctest: +SKIP
+    PosixPath('fires.html')
+    """
+    if live is not True:
+        raise InvalidValueError(f"live is {shortened(live)}; expected True: record a run and export the recording for a replay")
+    target = Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise InvalidValueError(f"path is {shortened(str(path))}; expected a .html file")
+    if os.path.lexists(target) and not overwrite:
+        raise ExportError(f"{target} exists already; choose another name, or replace it with overwrite=True (--force)")
+    count = check_count("seeds", seeds, maximum=MOST_SEEDS)
+    about, content = LivePage(model, range(1, count + 1), progress).parts()
+    with draft_of(target, ExportError) as draft:
+        draft.write_text(page_text(about, content), encoding="utf-8")
+    return target
+
+
+def page_of(model: Any, seeds: int = SEEDS, make_parts: Callable[..., Any] = LivePage) -> str:
+    """Return the page of a model as text."""
+    return page_text(*make_parts(model, range(1, seeds + 1)).parts())
+
+
+__all__ = ["LivePage", "Start", "export", "page_of"]

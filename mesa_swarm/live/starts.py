@@ -1,0 +1,184 @@
+"""A model before its first step as a page has it: an image of its arrays, and where in it what is."""
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import takewhile
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mesa_swarm.base.errors import ExportError
+from mesa_swarm.control.behaviour import Behaviour
+from mesa_swarm.kernels.block import ADDRESSES, note_blocks
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.plan import Driver
+from mesa_swarm.live.fingerprint import Fingerprint, digest_pieces
+from mesa_swarm.live.image import Functions, Image, clean_memory
+from mesa_swarm.model.driving import ENGINE_MODEL, driver_of, kernels_of_stages
+from mesa_swarm.physics.crowd import PairArrays
+
+# The address of images: below are constants of functions, and their stack.
+BASE = 2**18
+# Room for pairs of robots near each other: all, or this many a robot where that is less.
+PAIRS = 24
+
+
+class Start(NamedTuple):
+    """A model before its first step.
+
+    Parameters
+    ----------
+    image : Image
+    places : dict
+        Where in it what is, in numbers and names for JSON.
+    """
+
+    image: Image
+    places: dict[str, Any]
+
+
+def begin_rules(model: Any) -> None:
+    """Let rules be what they are now, as their first step would."""
+    for arbiter in model.control.arbiters if model.control is not None else ():
+        for layer in arbiter.layers:
+            if isinstance(layer, Behaviour):
+                layer.begin()
+
+
+def list_obstacles(model: Any) -> Iterator[str]:
+    """Iterate over what keeps a model from being a page, in a few words each."""
+    for kind in takewhile(lambda kind: kind.__module__ != ENGINE_MODEL, type(model).__mro__):
+        if "step" in vars(kind):
+            yield f"{kind.__name__}.step is a method in Python; declare parts, processes and measures instead"
+    for part, stage in model.plan.stages:
+        if stage.kernel is None:
+            yield f"{stage.name} ({part}) in Python{f': {stage.python}' if stage.python else ''}"
+    yield from list_rules_in_python(model)
+
+
+def list_rules_in_python(model: Any) -> Iterator[str]:
+    """Iterate over rules and layers that decide in Python."""
+    control = model.parts["control"]
+    if control.arbiter is not None:
+        for reason in control.reasons():
+            yield f"{reason} decides in Python"
+
+
+def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Start]:
+    """Make a model and return it with what a page begins with.
+
+    Raises
+    ------
+    ExportError
+        If something in its step is Python, in one line that names it.
+    """
+    with clean_memory(), note_blocks() as notes:
+        model = make()
+        begin_rules(model)
+        make_room_for_pairs(model)
+        settle_robots(model)
+        model.parts.replan()
+        obstacles = list(list_obstacles(model))
+        if obstacles:
+            raise ExportError(f"{type(model).__name__} cannot run on a page: {'; '.join(dict.fromkeys(obstacles))}")
+        driver, sensing = driver_of(model, model.parts.plan, ()), kernels_of_stages(model.parts.plan)[0][0]
+        fingerprint = Fingerprint(model)
+        streams = [stream for _, stream in model.streams.items()]
+        addresses = {address: function for function, address in ADDRESSES.items()}
+        functions.place_of(digest_pieces)
+        roots = [driver._block, fingerprint.block]
+        image = Image(roots, notes, addresses, streams, functions, BASE)
+    return model, Start(image, _places(model, driver, sensing, fingerprint, image, functions))
+
+
+def settle_robots(model: Any) -> None:
+    """Do before the first step what Python does in it: look whether robots overlap anything.
+
+    Raises
+    ------
+    ExportError
+        If they do: they would be moved when they have read their sensors.
+    """
+    swarm, robots = model.swarm, model.parts.robots
+    if swarm.disturbed:
+        before = swarm.columns["position"].copy()
+        robots.engine.settle(swarm, model.parts.bodies.scene())
+        swarm.disturbed = False
+        if not np.array_equal(before, swarm.columns["position"]):
+            raise ExportError("robots overlap at the start; place them where they are free for a page")
+
+
+def make_room_for_pairs(model: Any) -> None:
+    """Make room for all pairs of robots that can be near each other, since a page makes no more."""
+    n = len(model.swarm)
+    engine = model.parts.robots.engine
+    engine._prepare(model.swarm, model.parts.bodies.scene())
+    crowd = engine._crowd
+    count = min(n * (n - 1) // 2 + 1, PAIRS * n)
+    if count > len(crowd.near.room):
+        crowd.near = PairArrays.of(count)._replace(state=crowd.near.state)
+        crowd._pairs.replace(crowd.near)
+
+
+def _places(
+    model: Any, driver: Driver, sensing: Kernel, fingerprint: Fingerprint, image: Image, functions: Functions
+) -> dict[str, Any]:
+    find = image.address_of
+    places: dict[str, Any] = {
+        "end": image.end,
+        "robots": len(model.swarm),
+        "driver": [find(driver.numbers), len(driver.numbers)],
+        "progress": find(driver.progress),
+        "stop": find(model.driving.flag),
+        "sense": [functions.place_of(sensing.function), find(sensing.block), len(sensing.block)],
+        "digest": [functions.place_of(digest_pieces), find(fingerprint.block.numbers), len(fingerprint.block.numbers)],
+        "hash": find(fingerprint.out),
+        "columns": dict(_list_columns(model, find)),
+        "counts": [find(array) for array in _list_counts(model) if find(array) is not None],
+    }
+    fires = _describe_fires(model, find)
+    if fires:
+        places["fires"] = fires
+    rows = model.driving.rows
+    if rows is not None:
+        table: Any = rows
+        places["rows"] = {
+            "names": table._names,
+            "whole": [bool(whole) for whole in table._whole],
+            "table": find(table._table),
+            "steps": find(table._steps),
+            "count": find(table._count),
+        }
+    return places
+
+
+def _list_columns(model: Any, find: Callable[[np.ndarray], int | None]) -> Iterator[tuple[str, list[Any]]]:
+    """Iterate over the columns that are in the image: address, type and shape of each, by name."""
+    for part_name, part in model.parts.items():
+        for name, column in part.columns().items():
+            key = name if part_name == "robots" or column.rows == "robots" else f"{part_name}.{name}"
+            place = find(column.array)
+            if place is not None and column.array.flags.c_contiguous:
+                yield key, [place, column.array.dtype.str[1:], list(column.array.shape)]
+
+
+def _describe_fires(model: Any, find: Callable[[np.ndarray], int | None]) -> dict[str, Any]:
+    """Return where fires are, and where in the image their temperatures, visitors and ends are."""
+    fires = getattr(model, "fires", ())
+    if not len(fires):
+        return {}
+    table, rows = fires.table, fires.rows
+    return {
+        "discs": np.column_stack([table.position[rows], table.radius[rows]]).tolist(),
+        "temperature": [find(table.temperature[row : row + 1]) for row in rows.tolist()],
+        "out": find(fires.own["out"]),
+        "robots": find(fires.own["robots"]),
+    }
+
+
+def _list_counts(model: Any) -> Iterable[np.ndarray]:
+    """Return the counts of buffers that pages empty."""
+    history = getattr(model.parts["fires"].fires, "history", None) if "fires" in model.parts else None
+    return [history._count] if history is not None else []
+
+
+__all__ = ["Start", "list_obstacles", "make_start"]
