@@ -46,7 +46,7 @@ OUTSIDE = {
 # What analysis measures is arrays, not models.
 ONLY = {"analysis": {"analysis", "base", "kernels", "geometry"}}
 # Names that others prescribe: PettingZoo for tasks, and what `python -m` runs.
-PRESCRIBED = {"env", "main", "parallel_env"}
+PRESCRIBED = {"env", "export", "main", "parallel_env"}
 HEAVY = {"solara", "matplotlib", "anywidget"}
 STANDARD = {"__future__", *sys.stdlib_module_names}
 

@@ -119,7 +119,7 @@ def export_command(
     quiet: Quiet = False,
 ) -> None:
     """Write a recording as pictures, a film, a page or a table, by the ending of OUT; or a model as a live page."""
-    others = {
+    others: dict[str, object] = {
         "--steps": steps, "--every": every, "--from": first, "--to": last, "--sheet": sheet, "--animate": animate,
         "--fps": fps, "--size": size, "--sectors": sectors, "--trails": trails, "--table": table,
     }  # fmt: skip

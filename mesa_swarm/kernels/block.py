@@ -29,12 +29,14 @@ pack_real, unpack_number = Struct("=d").pack, Struct("=q").unpack
 SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
 
 
-# What the arrays of numbers hold that are made meanwhile, see `note_blocks`; None where nobody asks.
-_notes: "list[tuple[np.ndarray, Callable[[], Any]]] | None" = None
+# Arrays of numbers, each with what returns the values that it stands for.
+Notes = list[tuple[np.ndarray, Callable[[], Any]]]
+# Those that `note_blocks` is taking: none, or one after the other.
+_open_notes: list[Notes] = []
 
 
 @contextmanager
-def note_blocks() -> Iterator[list[tuple[np.ndarray, Callable[[], Any]]]]:
+def note_blocks() -> Iterator[Notes]:
     """Note of all blocks that are made meanwhile their numbers, and what returns the values that these stand for.
 
     The values of rows of blocks are a tuple, see `stack_blocks`.
@@ -47,17 +49,16 @@ def note_blocks() -> Iterator[list[tuple[np.ndarray, Callable[[], Any]]]]:
     >>> numbers is block.numbers, values().address
     (True, 5)
     """
-    global _notes
-    before, _notes = _notes, []
+    _open_notes.append([])
     try:
-        yield _notes
+        yield _open_notes[-1]
     finally:
-        _notes = before
+        _open_notes.pop()
 
 
 def _note(numbers: np.ndarray, values: Callable[[], Any]) -> None:
-    if _notes is not None:
-        _notes.append((numbers, values))
+    if _open_notes:
+        _open_notes[-1].append((numbers, values))
 
 
 class Block:

@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from hashlib import blake2b
 from importlib.resources import files
 from pathlib import Path
@@ -22,7 +22,6 @@ from mesa_swarm.kernels.digests import FUNCTIONS, digest_source
 from mesa_swarm.kernels.plan import drive_steps
 from mesa_swarm.live import cross_compile
 from mesa_swarm.live.draws import next_word
-from mesa_swarm.live.fingerprint import digest_pieces
 from mesa_swarm.live.wasm_file import FUNCTION, imports_of, with_exports
 
 # What pages call besides kernels.
@@ -105,6 +104,3 @@ def _named(function: Any) -> Any:
 
 def _last_line(text: str) -> str:
     return (text.strip().splitlines() or ["it ended without a word"])[-1]
-
-
-__all__: Iterable[str] = ["digest_pieces", "module_of"]

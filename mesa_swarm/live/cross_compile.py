@@ -1,4 +1,4 @@
-"""Compile functions to one WebAssembly module: run in a process of its own, ``python -m mesa_swarm.live.cross_compile``.
+"""Functions compiled to WebAssembly, in a process of its own: ``python -m mesa_swarm.live.cross_compile JOB OBJECT``.
 
 Numba writes the code of LLVM for this machine's processor. Its passes would put sizes of this machine's pointers into
 it, so none of them runs here: what Numba has written is linked, and only then LLVM is told that it is for WebAssembly,
@@ -7,6 +7,7 @@ compiles here must not meet, hence a process of its own.
 """
 
 import os
+import re
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -45,7 +46,7 @@ class UnoptimisedLibrary(JITCodeLibrary):
 
 def prepare_compiler() -> None:
     """Let Numba write code and leave it, and the package neither load machine code nor keep functions apart."""
-    module = import_module("mesa_swarm.kernels.compiled")
+    module: Any = import_module("mesa_swarm.kernels.compiled")
     module.keep_apart = module.compile_sparingly = lambda dispatcher: None
     files = import_module("mesa_swarm.kernels.code_files").StoredCode
     files.load_overload = lambda self, sig, target_context: None
@@ -59,7 +60,7 @@ def begin_writing() -> None:
     codegen.set_env = lambda name, environment: None
 
 
-def code_of(function: Any, signature: Any) -> tuple[str, Any]:
+def written_code(function: Any, signature: Any) -> tuple[str, Any]:
     """Return the name of a function in LLVM's code, and the module of that code."""
     function.compile(signature)
     result = function.overloads[tuple(signature)]
@@ -81,8 +82,6 @@ def link_modules(modules: list[Any], texts: list[str], machine: Any) -> Any:
 
 def text_for_linking(module: Any) -> str:
     """Return a module's text, without what is said of this machine, and with functions that others may define too."""
-    import re
-
     text = re.sub(r"^target (triple|datalayout).*\n", "", str(module), flags=re.M)
     text = re.sub(r'"(target-cpu|target-features|probe-stack|frame-pointer)"="[^"]*"', "", text)
     text = re.sub(r"= common ((local_)?unnamed_addr )?global", "= weak_odr global", text)
@@ -127,7 +126,7 @@ def main(source: Path, target: Path) -> None:
     machine = llvm.Target.from_triple(TRIPLE).create_target_machine(
         cpu="generic", features=FEATURES, opt=SPEED, reloc="static", codemodel="default"
     )
-    codes = {name: code_of(function, signature) for name, (function, signature) in functions.items()}
+    codes = {name: written_code(function, signature) for name, (function, signature) in functions.items()}
     texts = [with_names(text, {name: mangled for name, (mangled, _) in codes.items()}) for text in job["texts"]]
     whole = link_modules([module for _, module in codes.values()], texts, machine)
     names = {name: codes[name][0] if name in codes else name for name in job["exports"]}

@@ -172,7 +172,7 @@ def writable(array: np.ndarray) -> np.ndarray:
     """Return an array of the same memory that blocks take, also where it is locked; nothing is written to it."""
     if array.flags.writeable:
         return array
-    memory = (c_char * array.nbytes).from_address(array.ctypes.data)
+    memory: Any = (c_char * array.nbytes).from_address(array.ctypes.data)
     memory.kept = array
     return np.frombuffer(memory, array.dtype).reshape(array.shape)
 

@@ -8,7 +8,7 @@ streams of random numbers are four words of their state.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from ctypes import string_at
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -27,16 +27,16 @@ LEAST_ADDRESS, LARGEST_ADDRESS = 2**32, 2**47
 
 @contextmanager
 def clean_memory() -> Iterator[None]:
-    """Let ``np.empty`` and ``np.empty_like`` return zeros meanwhile: what lies in scratch by chance would be part of an image.
+    """Let ``np.empty`` and ``np.empty_like`` return zeros meanwhile.
 
-    Nothing may depend on it, so that other threads may go on.
+    What lies in scratch by chance would be part of an image. Nothing may depend on it, so that other threads may go on.
     """
-    before = np.empty, np.empty_like
-    np.empty, np.empty_like = np.zeros, np.zeros_like  # type: ignore[assignment]
+    module, before = cast(Any, np), (np.empty, np.empty_like)
+    module.empty, module.empty_like = np.zeros, np.zeros_like
     try:
         yield
     finally:
-        np.empty, np.empty_like = before  # type: ignore[assignment]
+        module.empty, module.empty_like = before
 
 
 class Functions:
@@ -209,7 +209,8 @@ class Image:
     def _numbers(self, value: Any) -> Iterator[int]:
         """Yield what `Block` makes of values, with the addresses of the image."""
         if isinstance(value, (Stream, Words)):
-            yield from (self._functions.place_of(DRAWS[type(value)]), self._drawn[value.state]) if value.state else (0, 0)
+            yield self._functions.place_of(DRAWS[type(value)]) if value.state else 0
+            yield self._drawn[value.state] if value.state else 0
         elif isinstance(value, tuple):
             for part in value:
                 yield from self._numbers(part)
@@ -230,7 +231,7 @@ class Image:
         for value in values:
             place = int(np.searchsorted(self._begins, value, "right")) - 1
             if value in self._addresses or (place >= 0 and value < self._spans[place].end):
-                raise ExportError(f"an array holds addresses that are not known {array.shape} {array.ravel()[:12]}")
+                raise ExportError("an array holds addresses that are not known, so that a page would read elsewhere")
 
 
 def _words_of(stream: np.random.Generator) -> np.ndarray:

@@ -5,6 +5,7 @@ import os
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -53,7 +54,7 @@ class LivePage:
 
     def __init__(self, model: Any, seeds: Iterable[int] = range(1, SEEDS + 1), progress: bool = False) -> None:
         self.model_class, self.functions = type(model), Functions()
-        warm_up(model)
+        compile_first_steps(model)
         self.given = parameters_of_run(model)
         self.variants: list[dict[str, Any]] = []
         self.is_assembled = not can_be_made_anew(model)
@@ -67,7 +68,7 @@ class LivePage:
             starts = {}
             with progress_bar(len(wanted), "starts", progress) as bar:
                 for seed in wanted[: 1 if len(model.swarm) > MOST_ROBOTS_WITH_SEEDS else None]:
-                    starts[seed] = make_start(lambda seed=seed: self.make(rng=seed), self.functions)
+                    starts[seed] = make_start(partial(self.make, rng=seed), self.functions)
                     bar.update(1)
             self._first = starts[self.seed][0]
         self.starts = starts
@@ -80,14 +81,14 @@ class LivePage:
     # ---- parameters
 
     def _find_changes(self) -> dict[str, tuple[Parameter, Any, list[Any], Change]]:
-        """Return what each parameter changes that a page can change while the model runs, with the values it may have."""
+        """Return what each parameter changes that a page can change in a run, and the values it may have."""
         start, found = self.starts[self.seed][1], {}
         for name, parameter in parameters_of(self.model_class).items():
             value = self.given.get(name, parameter.default)
             values = [other for other in positions_of(parameter) if other == value or self._is_accepted(name, other)]
             if len(values) < 2 or value is None:
                 continue
-            change = find_change(values, value, start, lambda other, name=name: self._continued(**{name: other}), self.functions)
+            change = find_change(values, value, start, partial(self._continued_with, name), self.functions)
             if change is not None and (any(change.copies.values()) or change.bytes):
                 found[name] = parameter, value, values, change
         for name in overlapping({name: change for name, (*_, change) in found.items()}):
@@ -101,25 +102,27 @@ class LivePage:
             return False
         return True
 
+    def _continued_with(self, name: str, value: Any) -> Any:
+        return self._continued(**{name: value})
+
     def _continued(self, **changes: Any) -> Any:
         return continued(self.make(rng=self.seed), **changes)
 
     def _apart(self, found: dict[str, Any]) -> dict[str, Any]:
         """Return the parameters that may be changed together: the image is then that of Python."""
-        extremes = {name: values[-1] if values[-1] != value else values[0] for name, (_, value, values, _) in found.items()}
-        refused = [
-            pair for pair in combinations(found, 2) if not self._are_independent({name: extremes[name] for name in pair}, found)
-        ]
-        for one, other in refused:
-            if one in found and other in found:
+        ends = {
+            name: next(end for end in values[::-1] if end != value) for name, (_, value, values, _) in found.items()
+        }
+        for one, other in list(combinations(found, 2)):
+            if {one, other} <= found.keys() and not self._are_independent({one: ends[one], other: ends[other]}, found):
                 found.pop(other)
         return found
 
     def _are_independent(self, values: dict[str, Any], found: dict[str, Any]) -> bool:
-        start = self.starts[self.seed][1]
+        start, present = self.starts[self.seed][1], {name: found[name][1] for name in values}
         try:
             both = make_start(lambda: self._continued(**values), self.functions.copy())[1]
-            plain = make_start(lambda: self._continued(**{name: found[name][1] for name in values}), self.functions.copy())[1]
+            plain = make_start(lambda: self._continued(**present), self.functions.copy())[1]
         except SwarmError:
             return False
         content = np.frombuffer(plain.image.content, np.uint8).copy()
@@ -136,12 +139,16 @@ class LivePage:
         content = {"module": module}
         starts = []
         own_world = scene_of(self._first).world()
+        own_places = self.starts[self.seed][1].places
         for seed, (model, start) in self.starts.items():
-            image, world = start.image.content, scene_of(model).world()
-            differs = seed != self.seed and len(image) == len(first)
+            image, world, is_own = start.image.content, scene_of(model).world(), seed == self.seed
+            differs = not is_own and len(image) == len(first)
             content[f"start-{seed}"] = difference(image, first) if differs else image
-            places = None if seed != self.seed and start.places == self.starts[self.seed][1].places else start.places
-            starts.append({"seed": seed, "differs": differs, "places": places, "world": None if seed != self.seed and world == own_world else world})
+            facts = {
+                "places": start.places if is_own or start.places != own_places else None,
+                "world": world if is_own or world != own_world else None,
+            }
+            starts.append({"seed": seed, "differs": differs, **facts})
         info = model_info(self.model_class)
         about = {
             "model": self.model_class.__name__,
@@ -155,7 +162,7 @@ class LivePage:
             },
             "starts": starts,
             "parameters": [self._described(*facts) for facts in self.changes.values()],
-            "fixed": {name: str(value) for name, value in self.given.items() if name not in self.changes and name != "rng"},
+            "fixed": {name: str(self.given[name]) for name in self.given if name not in {*self.changes, "rng"}},
             "speed": info.speed,
             "look": self._look(),
         }
@@ -179,7 +186,7 @@ class LivePage:
         return described
 
 
-def warm_up(model: Any) -> None:
+def compile_first_steps(model: Any) -> None:
     """Let what is compiled in a first step be compiled: rules, above all."""
     same = deepcopy(model)
     same.run(2)
@@ -203,14 +210,14 @@ def _seed_of(model: Any) -> int:
 def overlapping(changes: Mapping[str, Change]) -> set[str]:
     """Return the names of parameters that change bytes which another changes too."""
     names: set[str] = set()
-    touched = {name: bytes_of(change) for name, change in changes.items()}
+    touched = {name: bytes_changed_by(change) for name, change in changes.items()}
     for one, other in combinations(touched, 2):
         if touched[one] & touched[other]:
             names |= {other} if not changes[one].bytes else {one}
     return names
 
 
-def bytes_of(change: Change) -> set[int]:
+def bytes_changed_by(change: Change) -> set[int]:
     """Return the places of all bytes that a change may write."""
     copied = {place + k for places in change.copies.values() for place in places for k in range(8)}
     return copied | set(change.places)
@@ -227,12 +234,12 @@ def put_change(content: np.ndarray, change: Change, value: Any) -> None:
 
 
 def difference(content: bytes, other: bytes) -> bytes:
-    """Return where bytes differ from others: zero where they do not.
+    r"""Return where bytes differ from others: zero where they do not.
 
     Examples
     --------
     >>> difference(b"ab", b"aa")
-    b'\\x00\\x03'
+    b'\x00\x03'
     """
     return (np.frombuffer(content, np.uint8) ^ np.frombuffer(other, np.uint8)).tobytes()
 
@@ -243,7 +250,7 @@ IMPORTS = (
 )
 
 
-def page_script() -> str:
+def live_script() -> str:
     """Return all that the page runs."""
     texts = palette.palette_script() + text_of("viewing/canvas.js", "viewing/elements.js", "live/live.js")
     player = text_of("live/live_player.js")
@@ -252,21 +259,21 @@ def page_script() -> str:
     return "\n" + texts + player
 
 
-def style() -> str:
+def live_style() -> str:
     """Return how the page looks, with the colours of its two themes."""
     return palette.style_sheet(":root", ':root[data-theme="dark"]') + text_of("viewing/player.css", "live/live.css")
 
 
-def sources() -> dict[str, str]:
+def live_sources() -> dict[str, str]:
     """Return what the page may run and load, as `policy` takes it: its own script, and the module in it."""
     return {
-        "script-src": f"{source_of(page_script())} 'wasm-unsafe-eval'",
+        "script-src": f"{source_of(live_script())} 'wasm-unsafe-eval'",
         "style-src": "'unsafe-inline'",
         "img-src": "data: blob:",
     }
 
 
-def page_text(about: dict[str, Any], content: Mapping[str, bytes]) -> str:
+def live_text(about: dict[str, Any], content: Mapping[str, bytes]) -> str:
     """Return the page of a model."""
     facts = json.dumps(about, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     elements = [f'<script type="application/json" id="about">{facts}</script>']
@@ -274,7 +281,7 @@ def page_text(about: dict[str, Any], content: Mapping[str, bytes]) -> str:
         text = b64encode(compress(piece, LEVEL)).decode()
         elements.append(f'<script type="text/plain" id="{name}">{text}</script>')
     page = text_of("live/live.html")
-    parts = {"policy": policy(sources(), in_page=True), "style": style(), "script": page_script()}
+    parts = {"policy": policy(live_sources(), in_page=True), "style": live_style(), "script": live_script()}
     for name, text in {**parts, "data": "\n".join(elements)}.items():
         page = page.replace(f"{{{{{name}}}}}", text, 1)
     return page
@@ -325,7 +332,9 @@ def export(
     PosixPath('fires.html')
     """
     if live is not True:
-        raise InvalidValueError(f"live is {shortened(live)}; expected True: record a run and export the recording for a replay")
+        raise InvalidValueError(
+            f"live is {shortened(live)}; expected True: for a replay record the run, and export the recording"
+        )
     target = Path(path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise InvalidValueError(f"path is {shortened(str(path))}; expected a .html file")
@@ -334,13 +343,13 @@ def export(
     count = check_count("seeds", seeds, maximum=MOST_SEEDS)
     about, content = LivePage(model, range(1, count + 1), progress).parts()
     with draft_of(target, ExportError) as draft:
-        draft.write_text(page_text(about, content), encoding="utf-8")
+        draft.write_text(live_text(about, content), encoding="utf-8")
     return target
 
 
-def page_of(model: Any, seeds: int = SEEDS, make_parts: Callable[..., Any] = LivePage) -> str:
+def live_page_of(model: Any, seeds: int = SEEDS, make_parts: Callable[..., Any] = LivePage) -> str:
     """Return the page of a model as text."""
-    return page_text(*make_parts(model, range(1, seeds + 1)).parts())
+    return live_text(*make_parts(model, range(1, seeds + 1)).parts())
 
 
-__all__ = ["LivePage", "Start", "export", "page_of"]
+__all__ = ["LivePage", "Start", "export", "live_page_of"]

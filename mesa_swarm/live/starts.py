@@ -75,7 +75,7 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         model = make()
         begin_rules(model)
         make_room_for_pairs(model)
-        settle_robots(model)
+        settle_at_start(model)
         model.parts.replan()
         obstacles = list(list_obstacles(model))
         if obstacles:
@@ -90,7 +90,7 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
     return model, Start(image, _places(model, driver, sensing, fingerprint, image, functions))
 
 
-def settle_robots(model: Any) -> None:
+def settle_at_start(model: Any) -> None:
     """Do before the first step what Python does in it: look whether robots overlap anything.
 
     Raises
@@ -163,8 +163,8 @@ def _list_columns(model: Any, find: Callable[[np.ndarray], int | None]) -> Itera
 
 def _describe_fires(model: Any, find: Callable[[np.ndarray], int | None]) -> dict[str, Any]:
     """Return where fires are, and where in the image their temperatures, visitors and ends are."""
-    fires = getattr(model, "fires", ())
-    if not len(fires):
+    fires: Any = getattr(model, "fires", None)
+    if not fires:
         return {}
     table, rows = fires.table, fires.rows
     return {

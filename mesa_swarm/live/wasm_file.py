@@ -1,7 +1,7 @@
 """An object file of LLVM as a WebAssembly module that browsers load: with exports, and without what linkers need.
 
-Of the format (WebAssembly core specification 2.0, chapter 5; the linking conventions of its tools for symbols) only what
-LLVM writes here is read. All addresses of functions and data are in place already, since there is one object only.
+Of the format (WebAssembly core specification 2.0, chapter 5; the linking conventions of its tools for symbols) only
+what LLVM writes here is read. All addresses of functions and data are in place already, since there is one object only.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,14 +19,14 @@ CONSTANT, END = 0x41, 0x0B
 VERSION = 2
 
 
-class Imported(NamedTuple):
+class ModuleImport(NamedTuple):
     """What a module imports: its kind, and its name."""
 
     kind: int
     name: str
 
 
-class Reader:
+class SectionReader:
     """Reads numbers and names of a section."""
 
     def __init__(self, content: bytes, at: int = 0) -> None:
@@ -70,12 +70,12 @@ class Reader:
 
 
 def encode(number: int) -> bytes:
-    """Return a number without sign as 7 bits a byte.
+    r"""Return a number without sign as 7 bits a byte.
 
     Examples
     --------
     >>> encode(300)
-    b'\\xac\\x02'
+    b'\xac\x02'
     """
     content = bytearray()
     while number > 0x7F:
@@ -86,7 +86,7 @@ def encode(number: int) -> bytes:
 
 def sections_of(content: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield the kind and the content of each section."""
-    reader = Reader(content, len(MAGIC))
+    reader = SectionReader(content, len(MAGIC))
     while not reader.is_over:
         kind = reader.byte()
         yield kind, reader.bytes(reader.number())
@@ -95,22 +95,22 @@ def sections_of(content: bytes) -> Iterator[tuple[int, bytes]]:
 def functions_of(content: bytes) -> dict[str, int]:
     """Return the number of each function that an object file defines, by its name."""
     for kind, section in sections_of(content):
-        reader = Reader(section)
+        reader = SectionReader(section)
         if kind == CUSTOM and reader.name() == "linking" and reader.number() == VERSION:
             return dict(_list_symbols(reader))
     return {}
 
 
-def _list_symbols(reader: Reader) -> Iterator[tuple[str, int]]:
+def _list_symbols(reader: SectionReader) -> Iterator[tuple[str, int]]:
     while not reader.is_over:
         kind = reader.byte()
-        part = Reader(reader.bytes(reader.number()))
+        part = SectionReader(reader.bytes(reader.number()))
         if kind == SYMBOLS:
             for _ in range(part.number()):
                 yield from _read_symbol(part)
 
 
-def _read_symbol(reader: Reader) -> Iterator[tuple[str, int]]:
+def _read_symbol(reader: SectionReader) -> Iterator[tuple[str, int]]:
     kind, flags = reader.byte(), reader.number()
     if kind == DATA_SYMBOL:
         reader.name()
@@ -125,16 +125,16 @@ def _read_symbol(reader: Reader) -> Iterator[tuple[str, int]]:
         yield name, number
 
 
-def imports_of(content: bytes) -> list[Imported]:
+def imports_of(content: bytes) -> list[ModuleImport]:
     """Return what a module imports."""
     for kind, section in sections_of(content):
         if kind == IMPORT:
-            reader = Reader(section)
+            reader = SectionReader(section)
             return [_read_import(reader) for _ in range(reader.number())]
     return []
 
 
-def _read_import(reader: Reader) -> Imported:
+def _read_import(reader: SectionReader) -> ModuleImport:
     reader.name()
     name, kind = reader.name(), reader.byte()
     if kind in (TABLE, GLOBAL, TAG):
@@ -145,10 +145,10 @@ def _read_import(reader: Reader) -> Imported:
         reader.number()
     else:
         _skip_limits(reader)
-    return Imported(kind, name)
+    return ModuleImport(kind, name)
 
 
-def _skip_limits(reader: Reader) -> None:
+def _skip_limits(reader: SectionReader) -> None:
     flags = reader.number()
     reader.number()
     if flags & HAS_MAXIMUM:
@@ -161,7 +161,7 @@ def end_of_data(content: bytes) -> int:
     for kind, section in sections_of(content):
         if kind != DATA:
             continue
-        reader = Reader(section)
+        reader = SectionReader(section)
         for _ in range(reader.number()):
             reader.number()
             if reader.byte() != CONSTANT:

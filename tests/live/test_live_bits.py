@@ -1,0 +1,119 @@
+"""A model on its page has the bits that it has in Python."""
+
+from functools import cache
+
+import pytest
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
+from mesa_swarm.live.live_page import LivePage
+from mesa_swarm.model.gallery import find_model
+from mesa_swarm.recording.continuing import continued
+from support.live_pages import ask_node, hashes_in_node, hashes_in_python
+
+SEEDS, STEPS = (1, 2, 3), (0, 1, 100, 5000)
+# Models of the gallery that run on a page, with the settings of a second page, and what is changed at step 100.
+MODELS = {
+    "agglomeration": ({"n_robots": 20}, {"stop_distance": 20.0}),
+    "boids": ({"n_robots": 30, "alignment_weight": 0.5}, {"cohesion_weight": 0.1}),
+    "chain_formation": ({"n_robots": 20}, {}),
+    "collision_avoidance": ({"n_robots": 30, "turn_interval": 40}, {"distance": 10.0}),
+    "fire_fighting": ({"strategy": "A", "n_robots": 20}, {"k1": 0.001}),
+    "flocking": ({"n_robots": 20}, {}),
+    "perimeter": ({"n_robots": 12}, {}),
+    "q_learning": ({"n_robots": 10}, {"gamma": 0.5}),
+}
+
+
+@cache
+def page_of(name, settings=()):
+    model_class = find_model(name)
+    return model_class, LivePage(model_class(rng=1, **dict(settings)), SEEDS)
+
+
+def check_page(name, settings, seeds, folder):
+    model_class, page = page_of(name, tuple(settings.items()))
+    for seed in seeds:
+        expected = hashes_in_python(model_class(rng=seed, **settings), STEPS)
+        assert ask_node(page, hashes_in_node(STEPS, seed), folder) == expected
+
+
+def test_fire_fighting_on_a_page_has_the_fingerprints_of_python(tmp_path):
+    check_page("fire_fighting", {}, SEEDS, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_model_of_the_gallery_has_the_fingerprints_of_python(name, changed, tmp_path):
+    check_page(name, MODELS[name][0] if changed else {}, SEEDS, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name == "fire_fighting" else pytest.mark.slow) for name in MODELS]
+)
+def test_a_parameter_that_is_changed_on_the_way_changes_what_it_changes_in_python(name, tmp_path):
+    model_class, page = page_of(name)
+    for parameter, value in MODELS[name][1].items():
+        model = continued(model_class(rng=1).run(100), **{parameter: value})
+        body = (
+            f'model.step(100); model.set("{parameter}", {value}); model.step(200); return [model.steps, model.hash()]'
+        )
+        assert ask_node(page, body, tmp_path) == [300, model.run(200).state_hash()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODELS)
+def test_every_parameter_of_a_page_at_its_end_is_that_of_a_new_run(name, tmp_path):
+    model_class, page = page_of(name)
+    for parameter, value, values, _ in page.changes.values():
+        other = values[-1] if values[-1] != value else values[0]
+        text = f'"{other}"' if isinstance(other, str) else other
+        body = f'model.set("{parameter.name}", {text}); model.reset(); model.step(50); return model.hash()'
+        expected = model_class(rng=1, **{parameter.name: other}).run(50).state_hash()
+        assert ask_node(page, body, tmp_path) == expected, parameter.name
+
+
+def test_a_page_begins_anew_as_often_as_one_likes(tmp_path):
+    body = "return [0, 1, 2].map(() => { model.reset(); model.step(60); return model.hash(); });"
+    first, *others = ask_node(page_of("fire_fighting")[1], body, tmp_path)
+    assert others == [first, first]
+
+
+def test_the_rows_of_measures_are_those_of_the_data_collector(tmp_path):
+    model = find_model("fire_fighting")(rng=2).run(1500)
+    body = """
+    model.reset({ seed: 2 });
+    model.step(1500);
+    return [model.start.rows.names, model.series.steps.length, model.series.values];
+    """
+    names, count, values = ask_node(page_of("fire_fighting")[1], body, tmp_path)
+    assert count == model.steps
+    assert dict(zip(names, values, strict=True)) == model.datacollector.model_vars
+
+
+@behaviour(memory={"shy": 0.0})
+def keep_off(me, near=12.0, share=0.5):
+    """Back away from what is ahead, sometimes, and remember how often."""
+    if 0 <= me.distance[me.front] < near and me.chance < share:
+        me.memory.shy += 1.0
+        return -me.max_speed, -me.max_speed
+    return PASS
+
+
+def assembled(seed):
+    model = SwarmModel(map="original", rng=seed)
+    model.add_robots(AGENT9, 15)
+    model.control = Subsumption(keep_off(near=14.0), Avoid(distance=10), Explore(turn_interval=40))
+    return model
+
+
+@pytest.mark.slow
+def test_a_model_put_together_by_hand_goes_on_from_where_it_stands(tmp_path):
+    model = assembled(3).run(7)
+    page = LivePage(model)
+    assert page.is_assembled
+    expected = hashes_in_python(model, (7, 8, 100, 5000))
+    steps = "[7, 8, 100, 5000]"
+    body = f"return {steps}.map((step) => {{ model.step(step - model.steps); return [model.steps, model.hash()]; }})"
+    assert ask_node(page, body, tmp_path) == expected
