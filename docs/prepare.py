@@ -39,12 +39,13 @@ APPENDIX = "appendix"
 NOT_SEARCHED = "---\nsearch:\n  exclude: true\n---\n\n"
 IN_THE_APPENDIX_NOW = (
     *("deciding_constants", "differences", "fire_learning", "foresight", "learning_results", "published", "readings"),
-    *("reproduction", "validation", "without_a_compiler"),
+    *("reproduction", "validation", "one_machine"),
 )
 # Former names of pages, and the pages where their contents are now.
 MOVED = {
     **{name: f"{APPENDIX}/{name}" for name in IN_THE_APPENDIX_NOW},
-    "benchmarks": "one_machine",
+    "benchmarks": f"{APPENDIX}/one_machine",
+    "without_a_compiler": "live_pages",
     "concepts": "how_it_works",
 }
 REDIRECT = """<!doctype html>

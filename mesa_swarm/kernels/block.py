@@ -117,14 +117,16 @@ def pack(values: Any) -> np.ndarray:
     return numbers
 
 
-def stack_blocks(blocks: Sequence["Block | None"], width: int, more: Sequence[tuple[int, ...]] = ()) -> np.ndarray:
+def stack_blocks(
+    blocks: Sequence["Block | None"], width: int | None = None, more: Sequence[tuple[int, ...]] = ()
+) -> np.ndarray:
     """Return the numbers of blocks of one class as rows, zeros for None, each followed by what `more` has for it.
 
     Parameters
     ----------
     blocks : sequence of Block or None
-    width : int
-        How many numbers a row has.
+    width : int, optional
+        How many numbers a row has; by default as many as the first block, and 0 without blocks.
     more : sequence of tuples of int, optional
         One for each block.
 
@@ -133,6 +135,8 @@ def stack_blocks(blocks: Sequence["Block | None"], width: int, more: Sequence[tu
     >>> stack_blocks([None], 3).tolist()
     [[0, 0, 0]]
     """
+    if width is None:
+        width = next((len(block.numbers) for block in blocks if block is not None), 0)
     rows = np.zeros((len(blocks), width), NUMBER)
     behind = more or [()] * len(blocks)
     for row, block, others in zip(rows, blocks, behind, strict=True):

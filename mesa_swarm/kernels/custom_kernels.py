@@ -1,6 +1,7 @@
 """Kernels of functions of arrays that users write: of one signature, and a block made for what they take."""
 
 from collections.abc import Mapping
+from hashlib import blake2b
 from types import FunctionType
 from typing import Annotated, Any, NamedTuple
 
@@ -8,7 +9,9 @@ import numpy as np
 from numba import njit, typeof
 
 from mesa_swarm.kernels.block import SIGNATURE, unpack
-from mesa_swarm.kernels.custom_functions import compile_custom
+from mesa_swarm.kernels.custom_code import rename_function, store_on_disk
+from mesa_swarm.kernels.custom_functions import VERSION, compile_custom
+from mesa_swarm.kernels.digests import digest_function
 from mesa_swarm.kernels.draws import Stream, draw_number
 from mesa_swarm.kernels.type_names import name_type
 
@@ -61,9 +64,14 @@ def _make(function: FunctionType, takes: tuple[str, ...], fields: list[tuple[str
     arrays: Any = NamedTuple("Arrays", [*fields, ("stream_of_chance", Stream)])  # type: ignore[misc]
     special = {STEP: "step", CHANCE: "draw_number(given.stream_of_chance)"}
     arguments = ", ".join(special.get(name, f"given.{name}") for name in takes)
-    space = {"unpack": unpack, "Arrays": arrays, "function": compile_custom(function), "draw_number": draw_number}
+    of_function = digest_function(function, VERSION)
+    words = f"{of_function} {takes} {[(name, str(kind)) for name, kind in fields]} {TEXT}"
+    digest = of_function and blake2b(words.encode(), digest_size=16).hexdigest()
+    own = store_on_disk(compile_custom(rename_function(function, of_function)), of_function)
+    space = {"__name__": __name__, "unpack": unpack, "Arrays": arrays, "function": own, "draw_number": draw_number}
     exec(TEXT.format(arguments=arguments, failed=FAILED), space)
-    code: Any = njit(error_model="numpy", boundscheck=True, nogil=True)(space["kernel"])
+    kernel = njit(error_model="numpy", boundscheck=True, nogil=True)(rename_function(space["kernel"], digest))
+    code: Any = store_on_disk(kernel, digest)
     try:
         code.compile(SIGNATURE)
     except Exception as error:  # Numba's own code raises ordinary errors too

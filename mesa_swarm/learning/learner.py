@@ -235,7 +235,7 @@ class LearningLayer(CompiledLayer, Generic[P]):
 
         def attend(code: int) -> None:
             if code == UNBORN:
-                self._init_new_robots()
+                self.begin()
             else:
                 self._refuse_diverged(int(rule.lesson.diverged[0]))  # type: ignore[attr-defined]
 
@@ -273,7 +273,7 @@ class LearningLayer(CompiledLayer, Generic[P]):
             If there are no robots, or their sensors differ.
         """
         sensors = sensors_of(self._robots)
-        self._init_new_robots()
+        self.begin()
         return self.policy_class(sensors=sensors, **self._fields_of_policy(), **self._training(training))
 
     def _columns(self) -> dict[str, Declared]:
@@ -296,8 +296,8 @@ class LearningLayer(CompiledLayer, Generic[P]):
         if self.start is not None:
             check_designs(self.start.sensors, self._robots)
 
-    def _init_new_robots(self) -> None:
-        """Let new robots begin with what is shared, or with what the start has learned."""
+    def begin(self) -> None:
+        """Let new robots begin with what is shared, or with what the start has learned: before their first lesson."""
         born = self._column("born")
         if not born.all():
             self._check_sensors()

@@ -231,7 +231,7 @@ shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, leas
 
         In Python, since NumPy draws normal errors by no function that compiled ones can call.
         """
-        self._init_new_robots()
+        self.begin()
         robots, lesson = columns_for(senses, command, layer, index), self._lesson()
         lesson.chance[:] = self._rng.random(len(layer))
         errors = float(self.jitter) * self._rng.normal(size=(len(layer), 2))

@@ -12,16 +12,16 @@ from typing import Any
 
 import numba
 from numba import types
-from numba.cloudpickle import dumps  # type: ignore[attr-defined]
 
 from mesa_swarm.base.errors import ExportError
 from mesa_swarm.kernels.block import SIGNATURE
 from mesa_swarm.kernels.code_files import file_of, read_code, write_code
 from mesa_swarm.kernels.compiled import stem_of
-from mesa_swarm.kernels.digests import FUNCTIONS, digest_source
+from mesa_swarm.kernels.digests import digest_source
 from mesa_swarm.kernels.plan import drive_steps
 from mesa_swarm.live import cross_compile
 from mesa_swarm.live.draws import next_word
+from mesa_swarm.live.pickled_functions import pickle_functions
 from mesa_swarm.live.wasm_file import FUNCTION, imports_of, with_exports
 
 # What pages call besides kernels.
@@ -75,19 +75,20 @@ def entries_text() -> str:
 def _compile(kernels: Mapping[str, Any]) -> bytes:
     functions = {name: (function, SIGNATURE) for name, function in kernels.items()} | INNER
     job = {
-        "functions": {name: (_named(function), signature) for name, (function, signature) in functions.items()},
+        "functions": functions,
         "texts": [entries_text()],
         "exports": [*kernels, *ENTRIES],
     }
     with TemporaryDirectory() as folder:
         source, target = Path(folder, "job"), Path(folder, "object")
-        source.write_bytes(dumps(job))
+        source.write_bytes(pickle_functions(job))
         call = subprocess.run(
             [sys.executable, "-m", MODULE, str(source), str(target)],
             env={**os.environ, "NUMBA_OPT": "0", "NUMBA_DISABLE_JIT": "0"},
             capture_output=True, text=True, check=False,
         )  # fmt: skip
         if call.returncode or not target.exists():
+            print(call.stderr) if "DEBUG_LIVE" in os.environ else None
             raise ExportError(f"the model's functions cannot be compiled for pages: {_last_line(call.stderr)}")
         names = dict(line.split("\t") for line in Path(f"{target}.names").read_text().splitlines())
         module = with_exports(target.read_bytes(), names)
@@ -95,11 +96,6 @@ def _compile(kernels: Mapping[str, Any]) -> bytes:
     if lacking:
         raise ExportError(f"the model calls {', '.join(lacking)}, which pages do not have")
     return module
-
-
-def _named(function: Any) -> Any:
-    """Return where a function of the package is found; others themselves."""
-    return (function.__module__, function.__name__) if function.py_func in FUNCTIONS else function
 
 
 def _last_line(text: str) -> str:

@@ -6,6 +6,7 @@ and optimises it. No linker and no library of C takes part. What one process com
 compiles here must not meet, hence a process of its own.
 """
 
+import gc
 import os
 import re
 import sys
@@ -23,6 +24,8 @@ FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-global
 SPEED = 3
 # What LLVM calls where it writes the code of the processor.
 CALLED_BY_LLVM = ("__multi3",)
+# Functions of Python and of its library of numbers, which only texts of errors are made with.
+STOPS = re.compile(r"Py|_Py|numba_|NRT_|log10$")
 
 
 class UnoptimisedLibrary(JITCodeLibrary):
@@ -55,7 +58,9 @@ def prepare_compiler() -> None:
 
 def begin_writing() -> None:
     """Let Numba no longer make machine code: what is imported from now on may call no compiled function."""
-    codegen: Any = cpu_target.target_context.codegen()
+    context: Any = cpu_target.target_context
+    context.create_cpython_wrapper = context.create_cfunc_wrapper = lambda *arguments, **options: None
+    codegen: Any = context.codegen()
     codegen._library_class = UnoptimisedLibrary
     codegen.set_env = lambda name, environment: None
 
@@ -85,7 +90,31 @@ def text_for_linking(module: Any) -> str:
     text = re.sub(r"^target (triple|datalayout).*\n", "", str(module), flags=re.M)
     text = re.sub(r'"(target-cpu|target-features|probe-stack|frame-pointer)"="[^"]*"', "", text)
     text = re.sub(r"= common ((local_)?unnamed_addr )?global", "= weak_odr global", text)
+    text = text.replace("@llvm.log10.f64(", "@log10(")
     return re.sub(r"^define (linkonce_odr |internal |private |hidden )*", "define weak_odr ", text, flags=re.M)
+
+
+def stop_where_python_is_called(whole: Any) -> None:
+    """Define the functions of Python's own library, which errors with texts need: a page stops there."""
+    texts = [
+        re.sub(r"^declare ", "define ", _declaration(function)) + " {\n  call void @llvm.trap()\n  unreachable\n}"
+        for function in whole.functions
+        if function.is_declaration and STOPS.match(function.name)
+    ]
+    if texts:
+        module = llvm.parse_assembly("declare void @llvm.trap()\n" + "\n".join(texts))
+        module.triple, module.data_layout = whole.triple, whole.data_layout
+        whole.link_in(module)
+
+
+def _declaration(function: Any) -> str:
+    """Return a declaration without attributes."""
+    words = re.search(r"^declare .*", str(function), re.MULTILINE)
+    text = "" if words is None else words[0]
+    text = re.sub(
+        r"\b(noundef|signext|zeroext|noalias|nonnull|readonly|writeonly|captures\(none\)|nocapture)\b ?", "", text
+    )
+    return re.sub(r" (#\d+|local_unnamed_addr|unnamed_addr)", "", text).strip()
 
 
 def with_names(text: str, names: dict[str, str]) -> str:
@@ -107,29 +136,24 @@ def optimise(whole: Any, kept: set[str], machine: Any) -> None:
     passes = builder.getModulePassManager()
     passes.add_refprune_pass()
     passes.run(whole, builder)
-    builder.getModulePassManager()
-    again = builder.getModulePassManager()
-    again.run(whole, builder)
 
 
 def main(source: Path, target: Path) -> None:
     """Read functions with their signatures and texts of LLVM's code from a file, and write the object file."""
+    gc.disable()  # Numba keeps all that it makes
     prepare_compiler()
     job = loads(source.read_bytes())
-    functions = {
-        name: (getattr(import_module(function[0]), function[1]) if isinstance(function, tuple) else function, signature)
-        for name, (function, signature) in job["functions"].items()
-    }
     begin_writing()
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     machine = llvm.Target.from_triple(TRIPLE).create_target_machine(
         cpu="generic", features=FEATURES, opt=SPEED, reloc="static", codemodel="default"
     )
-    codes = {name: written_code(function, signature) for name, (function, signature) in functions.items()}
+    codes = {name: written_code(function, signature) for name, (function, signature) in job["functions"].items()}
     texts = [with_names(text, {name: mangled for name, (mangled, _) in codes.items()}) for text in job["texts"]]
     whole = link_modules([module for _, module in codes.values()], texts, machine)
     names = {name: codes[name][0] if name in codes else name for name in job["exports"]}
+    stop_where_python_is_called(whole)
     optimise(whole, {*names.values(), *CALLED_BY_LLVM}, machine)
     missing = [f.name for f in whole.functions if f.is_declaration and not f.name.startswith("llvm.")]
     if missing:

@@ -131,6 +131,29 @@ done:
   ret void
 }
 
+; The other ways in which Numba asks for memory.
+define ptr @NRT_MemInfo_alloc(i64 %size) {
+  %info = call ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 16)
+  ret ptr %info
+}
+
+define ptr @NRT_MemInfo_new_varsize_dtor(i64 %size, ptr %dtor) {
+  %info = call ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 16)
+  ret ptr %info
+}
+
+define ptr @NRT_Allocate(i64 %size) {
+  %info = call ptr @NRT_MemInfo_alloc_aligned(i64 %size, i32 16)
+  %at = getelementptr i8, ptr %info, i32 16
+  %data = load ptr, ptr %at
+  ret ptr %data
+}
+
+define void @NRT_Free(ptr %data) {
+  call void @NRT_MemInfo_call_dtor(ptr %data)
+  ret void
+}
+
 define void @NRT_MemInfo_call_dtor(ptr %meminfo) {
   %used = load i32, ptr @used
   %fewer = sub i32 %used, 1

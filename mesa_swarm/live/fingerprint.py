@@ -3,7 +3,6 @@
 It is BLAKE2b with a digest of 16 bytes (RFC 7693) of pieces: texts, and arrays as numbers of 8 bytes each.
 """
 
-from ctypes import c_char
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from mesa_swarm.kernels.block import Block, stack_blocks, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Bytes, Codes, Flags, IntegerRows, Integers, Reals, Shorts, Singles, Unsigned
 from mesa_swarm.model.state_hash import Pieces, add_state, bytes_of_numbers
+from mesa_swarm.world.read_only import writable_view
 
 DIGEST_BYTES, BLOCK_BYTES, ROUNDS, WORDS = 16, 128, 12, 16
 # The first words of BLAKE2b, and the order in which a round takes the words of a message (RFC 7693, 2.6 and 2.7).
@@ -134,7 +134,7 @@ class LivePieces(Pieces):
     def add_array(self, array: np.ndarray) -> None:
         """Add an array of which numbers may change."""
         is_readable = array.dtype in PIECES and array.flags.c_contiguous and array.size
-        self.append(writable(array) if is_readable else bytes_of_numbers(array))
+        self.append(writable_view(array) if is_readable else bytes_of_numbers(array))
 
 
 class Fingerprint:
@@ -166,15 +166,6 @@ class Fingerprint:
         """Return the fingerprint after this number of steps."""
         digest_pieces(self.block.numbers, completed, 0, 0)
         return self._out.tobytes().hex()
-
-
-def writable(array: np.ndarray) -> np.ndarray:
-    """Return an array of the same memory that blocks take, also where it is locked; nothing is written to it."""
-    if array.flags.writeable:
-        return array
-    memory: Any = (c_char * array.nbytes).from_address(array.ctypes.data)
-    memory.kept = array
-    return np.frombuffer(memory, array.dtype).reshape(array.shape)
 
 
 def join_texts(pieces: list[Any]) -> list[Any]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import ExportError
 from mesa_swarm.kernels.block import Block, note_blocks
+from mesa_swarm.kernels.crew import CrewArrays
 from mesa_swarm.kernels.draws import Stream, Words, stream_of
 
 NUMBER_BYTES, ALIGNMENT = 8, 16
@@ -21,6 +22,8 @@ STREAM_BYTES = 32
 WORD = 2**64
 # Names of the functions that draw, as `cross_compile` has them.
 DRAWS = {Stream: "draw_number", Words: "draw_word"}
+# Blocks of what pages do not have: threads, whose words are of the whole process.
+LEFT_OUT = (CrewArrays,)
 # Addresses are larger than any number of rows and smaller than any float that is not tiny.
 LEAST_ADDRESS, LARGEST_ADDRESS = 2**32, 2**47
 
@@ -129,6 +132,10 @@ class Image:
         except KeyError:
             return None
 
+    def written_anew(self) -> bytes:
+        """Return the content with what the arrays hold now."""
+        return self._write()
+
     # ---- what is there
 
     def _visit(self, value: Any) -> None:
@@ -153,7 +160,8 @@ class Image:
         elif address not in self._noted:
             values = noted[1]()
             self._noted[address] = noted[0], values
-            self._visit(values)
+            if not isinstance(values, LEFT_OUT):
+                self._visit(values)
 
     def _visit_stream(self, stream: Any) -> None:
         if stream.state:
@@ -198,7 +206,8 @@ class Image:
         for array in self._plain:
             self._check_plain(array)
         for numbers, values in self._noted.values():
-            self._put(memory, self._moved(numbers.ctypes.data), np.array(list(self._numbers(values)), np.int64))
+            found = [0] * numbers.size if isinstance(values, LEFT_OUT) else list(self._numbers(values))
+            self._put(memory, self._moved(numbers.ctypes.data), np.array(found, np.int64))
         for state, address in self._drawn.items():
             self._put(memory, address, _words_of(self._streams[state]))
         return bytes(memory)

@@ -31,11 +31,13 @@ export class LiveModel {
   #memory;
   #start;
   #image;
+  #begun;
   #completed = 0;
   #emptied = false;
   #set = new Map();
 
-  /** Begin with a module, bytes, and starts: `{ seed: { places, image } }`, of which images are bytes. */
+  /** Begin with a module, bytes, and starts: `{ seed: { places, image, begun } }`, of which images are bytes; begun,
+      if it is there, is what differs in them after what Python does in the first step. */
   constructor(module, about, starts) {
     this.about = about;
     this.starts = starts;
@@ -69,6 +71,7 @@ export class LiveModel {
     this.seed = Number(seed);
     this.#start = start.places;
     this.#image = start.image;
+    this.#begun = start.begun;
     new Uint8Array(this.#memory.buffer, this.about.base, this.#image.length).set(this.#image);
     this.#exports.begin_heap((this.about.base + this.#image.length + 63) & ~63);
     for (const [name, value] of this.#set) this.#write(this.#described(name), value);
@@ -82,6 +85,7 @@ export class LiveModel {
   /** Take steps, and return how many were taken: fewer where the run ends. */
   step(count = 1) {
     let taken = 0;
+    if (count > 0) this.#begin();
     while (taken < count && !this.#emptied) {
       const steps = Math.min(count - taken, MOST_STEPS), now = this.#drive(steps);
       taken += now;
@@ -157,12 +161,21 @@ export class LiveModel {
     places.forEach((place, k) => memory.setUint8(base + place, row[k]));
   }
 
+  /** Do what Python does in the first step: let learners begin. */
+  #begin() {
+    if (!this.#begun) return;
+    const memory = new Uint8Array(this.#memory.buffer, this.about.base);
+    for (let k = 0; k < this.#begun.length; k++) if (this.#begun[k]) memory[k] = this.#image[k] ^ this.#begun[k];
+    this.#begun = undefined;
+  }
+
   #view(type, address, count) { return new VIEWS[type](this.#memory.buffer, address, count); }
 
   /** Let robots read their sensors, as they do at the beginning of a step; to read twice gives the same. */
   #sense() {
     const [place, block, length] = this.#start.sense;
-    this.#checked(this.#exports.call_kernel(place, block, length, this.#completed + 1, 0, this.#start.robots));
+    const robots = this.#start.robots;
+    this.#checked(this.#called(() => this.#exports.call_kernel(place, block, length, this.#completed + 1, 0, robots)));
   }
 
   #drive(steps) {
@@ -170,9 +183,19 @@ export class LiveModel {
     progress.fill(0n);
     this.#view("b1", this.#start.stop, 1)[0] = 0;
     const [block, length] = this.#start.driver, robots = this.#start.robots;
-    const code = this.#exports.drive(block, length, steps, this.#completed, this.#completed, robots);
+    const code = this.#called(() => this.#exports.drive(block, length, steps, this.#completed, this.#completed, robots));
     this.#checked(code);
     return Number(this.#view("i8", this.#start.progress, 3)[TAKEN]);
+  }
+
+  /** Return what a compiled function does; where it stops, as for a text of an error, it has raised one. */
+  #called(act) {
+    try {
+      return act();
+    } catch (error) {
+      if (error instanceof WebAssembly.RuntimeError) return RAISED;
+      throw error;
+    }
   }
 
   #checked(code) {

@@ -3,7 +3,7 @@
 import json
 import os
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from functools import partial
 from itertools import combinations
@@ -19,7 +19,7 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.live.binaries import PREFIX, module_of
 from mesa_swarm.live.image import Functions
 from mesa_swarm.live.settings import Change, find_change, positions_of
-from mesa_swarm.live.starts import BASE, Start, make_start
+from mesa_swarm.live.starts import BASE, make_start
 from mesa_swarm.model.info import model_info
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.recording.continuing import continued
@@ -34,6 +34,9 @@ MOST_SEEDS = 1000
 MOST_VARIANTS = 5
 # A page with more robots has one start: images are large.
 MOST_ROBOTS_WITH_SEEDS = 200
+# A page has no more bytes, unless its number of seeds was asked for.
+MOST_PAGE_BYTES = 400_000
+# Of compression.
 LEVEL = 9
 
 
@@ -144,11 +147,13 @@ class LivePage:
             image, world, is_own = start.image.content, scene_of(model).world(), seed == self.seed
             differs = not is_own and len(image) == len(first)
             content[f"start-{seed}"] = difference(image, first) if differs else image
+            if start.begun:
+                content[f"begun-{seed}"] = difference(start.begun, image)
             facts = {
                 "places": start.places if is_own or start.places != own_places else None,
                 "world": world if is_own or world != own_world else None,
             }
-            starts.append({"seed": seed, "differs": differs, **facts})
+            starts.append({"seed": seed, "differs": differs, "begins": bool(start.begun), **facts})
         info = model_info(self.model_class)
         about = {
             "model": self.model_class.__name__,
@@ -167,6 +172,20 @@ class LivePage:
             "look": self._look(),
         }
         return about, content
+
+    def text(self, most: int | None = None) -> str:
+        """Return the page, with as many starts as make it no longer than this, but at least one."""
+        about, content = self.parts()
+        texts = {name: b64encode(compress(piece, LEVEL)).decode() for name, piece in content.items()}
+        length = len(live_text(about, {})) + len(texts["module"])
+        for place, start in enumerate(about["starts"]):
+            names = [name for name in (f"start-{start['seed']}", f"begun-{start['seed']}") if name in texts]
+            length += sum(len(texts[name]) for name in names)
+            if most is not None and place and length > most:
+                about["starts"] = about["starts"][:place]
+                break
+        kept = {"module", *(f"{kind}-{start['seed']}" for start in about["starts"] for kind in ("start", "begun"))}
+        return live_text(about, {name: text for name, text in texts.items() if name in kept})
 
     def _look(self) -> dict[str, Any] | None:
         """Return the column by which robots are coloured, and its range."""
@@ -273,13 +292,11 @@ def live_sources() -> dict[str, str]:
     }
 
 
-def live_text(about: dict[str, Any], content: Mapping[str, bytes]) -> str:
-    """Return the page of a model."""
+def live_text(about: dict[str, Any], texts: Mapping[str, str]) -> str:
+    """Return the page of a model: what it reads first, and its other parts as text."""
     facts = json.dumps(about, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     elements = [f'<script type="application/json" id="about">{facts}</script>']
-    for name, piece in content.items():
-        text = b64encode(compress(piece, LEVEL)).decode()
-        elements.append(f'<script type="text/plain" id="{name}">{text}</script>')
+    elements += [f'<script type="text/plain" id="{name}">{text}</script>' for name, text in texts.items()]
     page = text_of("live/live.html")
     parts = {"policy": policy(live_sources(), in_page=True), "style": live_style(), "script": live_script()}
     for name, text in {**parts, "data": "\n".join(elements)}.items():
@@ -292,7 +309,7 @@ def export(
     path: str | os.PathLike[str],
     *,
     live: bool = True,
-    seeds: int = SEEDS,
+    seeds: int | None = None,
     overwrite: bool = False,
     progress: bool = False,
 ) -> Path:
@@ -307,8 +324,9 @@ def export(
         A .html file.
     live : bool
         True; a run that was recorded is exported by ``mesa_swarm.viewing.export.export``.
-    seeds : int
-        The page can begin with the seeds 1 to this, besides the model's own.
+    seeds : int, optional
+        The page can begin with the seeds 1 to this, besides the model's own; by default with 20, or as many as 400 kB
+        hold.
     overwrite : bool
         Whether a file that is there is replaced.
     progress : bool
@@ -340,16 +358,11 @@ def export(
         raise InvalidValueError(f"path is {shortened(str(path))}; expected a .html file")
     if os.path.lexists(target) and not overwrite:
         raise ExportError(f"{target} exists already; choose another name, or replace it with overwrite=True (--force)")
-    count = check_count("seeds", seeds, maximum=MOST_SEEDS)
-    about, content = LivePage(model, range(1, count + 1), progress).parts()
+    count = SEEDS if seeds is None else check_count("seeds", seeds, maximum=MOST_SEEDS)
+    page = LivePage(model, range(1, count + 1), progress)
     with draft_of(target, ExportError) as draft:
-        draft.write_text(live_text(about, content), encoding="utf-8")
+        draft.write_text(page.text(None if seeds is not None else MOST_PAGE_BYTES), encoding="utf-8")
     return target
 
 
-def live_page_of(model: Any, seeds: int = SEEDS, make_parts: Callable[..., Any] = LivePage) -> str:
-    """Return the page of a model as text."""
-    return live_text(*make_parts(model, range(1, seeds + 1)).parts())
-
-
-__all__ = ["LivePage", "Start", "export", "live_page_of"]
+__all__ = ["LivePage", "export"]

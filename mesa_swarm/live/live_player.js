@@ -501,9 +501,9 @@ function nearest({ distance, kind, counts }, row, kinds) {
 async function load(about) {
   const content = async (name) => inflatedText(find(name).textContent), first = about.starts.find(({ seed }) => seed === about.seed);
   const own = await content(`start-${about.seed}`), starts = new Map(), worlds = new Map();
-  for (const { seed, differs, places, world } of about.starts) {
+  for (const { seed, differs, begins, places, world } of about.starts) {
     const bytes = seed === about.seed ? own : await content(`start-${seed}`);
-    starts.set(seed, { places: places ?? first.places, image: differs ? added(bytes, own) : bytes });
+    starts.set(seed, { places: places ?? first.places, image: differs ? added(bytes, own) : bytes, begun: begins ? await content(`begun-${seed}`) : undefined });
     worlds.set(seed, world ?? first.world);
   }
   return [new LiveModel(await content("module"), about, starts), worlds];

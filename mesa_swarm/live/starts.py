@@ -11,6 +11,7 @@ from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.kernels.block import ADDRESSES, note_blocks
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.plan import Driver
+from mesa_swarm.learning.learner import LearningLayer
 from mesa_swarm.live.fingerprint import Fingerprint, digest_pieces
 from mesa_swarm.live.image import Functions, Image, clean_memory
 from mesa_swarm.model.driving import ENGINE_MODEL, driver_of, kernels_of_stages
@@ -30,10 +31,13 @@ class Start(NamedTuple):
     image : Image
     places : dict
         Where in it what is, in numbers and names for JSON.
+    begun : bytes
+        The image after what Python does in the first step, of learners; empty where it does nothing.
     """
 
     image: Image
     places: dict[str, Any]
+    begun: bytes
 
 
 def begin_rules(model: Any) -> None:
@@ -42,6 +46,15 @@ def begin_rules(model: Any) -> None:
         for layer in arbiter.layers:
             if isinstance(layer, Behaviour):
                 layer.begin()
+
+
+def begin_learning(model: Any) -> bool:
+    """Let learners begin with what they know, as their first step would, and return whether there are any."""
+    arbiters = model.control.arbiters if model.control is not None else ()
+    learners = [layer for arbiter in arbiters for layer in arbiter.layers if isinstance(layer, LearningLayer)]
+    for learner in learners:
+        learner.begin()
+    return bool(learners)
 
 
 def list_obstacles(model: Any) -> Iterator[str]:
@@ -74,6 +87,7 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
     with clean_memory(), note_blocks() as notes:
         model = make()
         begin_rules(model)
+        model.parts.robots.devices.bind(model)
         make_room_for_pairs(model)
         settle_at_start(model)
         model.parts.replan()
@@ -87,7 +101,11 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         functions.place_of(digest_pieces)
         roots = [driver._block, fingerprint.block]
         image = Image(roots, notes, addresses, streams, functions, BASE)
-    return model, Start(image, _places(model, driver, sensing, fingerprint, image, functions))
+        places = _places(model, driver, sensing, fingerprint, image, functions)
+        before, begun = image.content, b""
+        if begin_learning(model):
+            begun = image.written_anew()
+    return model, Start(image, places, b"" if begun == before else begun)
 
 
 def settle_at_start(model: Any) -> None:

@@ -88,7 +88,7 @@ class FieldsPart(Part):
         """Return what advances all fields, made anew when these or their walls have changed."""
         if self.cache.kernel is None:
             blocks = [field.block() for field in self.live.values()]
-            rows = stack_blocks(blocks, len(blocks[0].numbers) if blocks else 0)
+            rows = stack_blocks(blocks)
             every = Block(FieldBlocks(rows))
             self.cache.kernel = Kernel(advance_fields, every.numbers, (every, blocks))
         return self.cache.kernel

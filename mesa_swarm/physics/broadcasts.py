@@ -95,7 +95,7 @@ class Channel:
         grid = Grid.over(surroundings.bounds, max(radio.range, 1e-9), FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm))
         statics, moving = surroundings.statics, surroundings.moving
         messages = self._message_blocks(swarm)
-        rows = stack_blocks(messages, len(messages[0].numbers) if messages else 0)
+        rows = stack_blocks(messages)
         block = Block(
             HearArrays(
                 beacons=self._beacons,

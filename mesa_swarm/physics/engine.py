@@ -356,7 +356,7 @@ class CompiledEngine(Engine):
             return SenseCalls(code_address(alone), crew.numbers, SortCalls(0, 0, 0), 0, none, NO_NUMBERS), []
         (n, count), sorting = eyes.distance.shape, SortCalls(*map(code_address, (find_cells, fill_cells, copy_sorted)))
         blocks = [Block(eyes._replace(chunk=ChunkArrays.of(count, n))) for _ in range(crew.parts)]
-        numbers, counts = stack_blocks(blocks, len(blocks[0].numbers)), np.zeros(crew.parts, np.int64)
+        numbers, counts = stack_blocks(blocks), np.zeros(crew.parts, np.int64)
         sense, sense_part = code_address(together), code_address(rows)
         return SenseCalls(sense, crew.numbers, sorting, sense_part, numbers, counts), blocks
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,9 +10,11 @@ import numpy as np
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, SwarmError, UncompiledBehaviourWarning, shortened
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.custom_kernels import kernel_of_function
+from mesa_swarm.kernels.draws import Stream
 from mesa_swarm.kernels.part import Kernel, Prepared, kernel_of
 from mesa_swarm.kernels.sequence import sequence_of
-from mesa_swarm.kernels.type_names import RealRows
+from mesa_swarm.kernels.type_names import ByteRows, Integers, RealRows
 from mesa_swarm.physics.broadcasts import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
@@ -19,8 +22,10 @@ from mesa_swarm.robots.design import places_of_custom_sensors
 from mesa_swarm.robots.devices import Device, DeviceFunction, device_function_of, own_function
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.read_only import locked_view
+from mesa_swarm.world.read_only import locked_view, writable_view
 
+# The parameter of a sensor's function that it fills.
+OUT = "out"
 # What functions may take of the surroundings.
 OF_SCENE: dict[str, Callable] = {"obstacles": obstacles_of, "owners": lambda scene: scene.statics.owner}
 
@@ -40,7 +45,7 @@ class OwnDevices:
     def sense(self, model: Any, scene: Surroundings) -> None:
         """Read all custom sensors; robots without them read NaN."""
         swarm = model.swarm
-        self._bind(model)
+        self.bind(model)
         kernel = self.sensing(model, scene)
         if kernel is not None:
             kernel.run(model.completed + 1, len(swarm))
@@ -55,7 +60,7 @@ class OwnDevices:
         swarm, prepared = model.swarm, self._prepared
         if self._version != swarm.version:
             return None
-        state = swarm.version, scene
+        state = swarm.version, scene, [reader.places(model) for reader in self._readers]
         if prepared.state != state:
             kernels = [reader.kernel(model) for reader in self._readers]
             prepared.state, prepared.kernel = state, None
@@ -70,7 +75,7 @@ class OwnDevices:
 
     def act(self, model: Any, scene: Surroundings) -> None:
         """Let all actuators do what is set."""
-        self._bind(model)
+        self.bind(model)
         kernel = self.acting(model, scene)
         if kernel is not None:
             kernel.run(model.completed + 1, len(model.swarm))
@@ -114,7 +119,8 @@ class OwnDevices:
                     f"{model.steps}; expected finite numbers"
                 )
 
-    def _bind(self, model: Any) -> None:
+    def bind(self, model: Any) -> None:
+        """Find the rows of the robots of each device, after a check of what it needs."""
         swarm = model.swarm
         if self._version == swarm.version:
             return
@@ -156,6 +162,61 @@ def _clearing(column: np.ndarray) -> Kernel:
     return Kernel(clear_column, block.numbers, block)
 
 
+class GatherArrays(NamedTuple):
+    """What `gather_bytes` takes: rows of a column as bytes, which of them, and rows for these."""
+
+    column: ByteRows
+    rows: Integers
+    part: ByteRows
+
+
+class ScatterArrays(NamedTuple):
+    """What `scatter_reals` takes: rows, which rows of a column they are, and where theirs begin in it."""
+
+    part: RealRows
+    rows: Integers
+    column: RealRows
+    first: int
+
+
+@compiled(nogil=True)
+def gather_bytes(block, step, first, last):
+    """Copy some rows of a column."""
+    g = unpack(block, GatherArrays)
+    for i in range(g.rows.shape[0]):
+        for k in range(g.column.shape[1]):
+            g.part[i, k] = g.column[g.rows[i], k]
+    return 0
+
+
+@compiled(nogil=True)
+def scatter_reals(block, step, first, last):
+    """Copy rows back into a column."""
+    s = unpack(block, ScatterArrays)
+    for i in range(s.rows.shape[0]):
+        for k in range(s.part.shape[1]):
+            s.column[s.rows[i], s.first + k] = s.part[i, k]
+    return 0
+
+
+def gather_rows(column: np.ndarray, rows: np.ndarray, part: np.ndarray) -> Kernel:
+    """Return the kernel that copies rows of a column, of any type, into an array."""
+    block = Block(GatherArrays(_as_bytes(column), np.array(rows), _as_bytes(part)))
+    return Kernel(gather_bytes, block.numbers, (block, column, part))
+
+
+def scatter_rows(part: np.ndarray, rows: np.ndarray, column: np.ndarray, first: int) -> Kernel:
+    """Return the kernel that copies an array into rows of a column, from a place in each on."""
+    block = Block(ScatterArrays(part, np.array(rows), column, first))
+    return Kernel(scatter_reals, block.numbers, (block, part, column))
+
+
+def _as_bytes(array: np.ndarray) -> np.ndarray:
+    """Return the bytes of an array, a row for each of its rows, that can be written to."""
+    row_bytes = array.nbytes // max(len(array), 1)
+    return writable_view(array).view(np.uint8).reshape(len(array), row_bytes)
+
+
 class Reader:
     """A sensor, the rows of the robots that have it, and its place in its column."""
 
@@ -172,8 +233,40 @@ class Reader:
     def kernel(self, model: Any) -> Kernel | None:
         """Return the kernel that writes the readings, if the class of the sensor has one that does what it does."""
         place = model, self.rows, self._column, self._first
-        of_function = kernel_of(self.sensor, "read", *place)
-        return of_function and kernel_of(self.sensor, "arguments", *place)
+        of_class = kernel_of(self.sensor, "read", *place) and kernel_of(self.sensor, "arguments", *place)
+        return of_class or self._kernel_of_function(model)
+
+    def places(self, model: Any) -> Any:
+        """Return where the arrays of other parts are that its function takes: they may be replaced."""
+        arrays = [value for value in self._call.values(model) or () if isinstance(value, np.ndarray)]
+        return [array.ctypes.data for array in arrays]
+
+    def _kernel_of_function(self, model: Any) -> Kernel | None:
+        """Return the kernel of its own function, None where that takes something that is Python, or is not compiled."""
+        values = self._call.values(model)
+        if values is None:
+            return None
+        names = self._call.compiled.takes
+        given = {name: value for name, value in zip(names, values, strict=True) if name != OUT}
+        before, after = [], []
+        if not self._call.of_all:
+            for name in self._call.of_robots:
+                part = given[name] = np.empty((len(self.rows), *given[name].shape[1:]), given[name].dtype)
+                before.append(gather_rows(values[names.index(name)], self.rows, part))
+        if not self._whole:
+            before.append(_clearing(self._out))
+            after.append(scatter_rows(self._out, self.rows, self._column, self._first))
+        made = kernel_of_function(self._call.compiled.function, names, {**given, OUT: self._out})
+        if made.code is None:
+            return None
+        block = Block(made.arrays(*given.values(), self._out, Stream(0, 0)))
+        kernel = Kernel(made.code, block.numbers, block, partial(self._fail, model))
+        return sequence_of([*before, kernel, *after])
+
+    def _fail(self, model: Any, code: int) -> None:
+        """Raise the error of its function, which is called once more for it."""
+        _call_device(self.read, self.sensor, model, model.parts.bodies.scene())
+        raise BehaviourError(f"sensor {self.sensor.name} failed in step {model.steps}: it raised an error")
 
     def read(self, model: Any, scene: Surroundings) -> None:
         """Write the readings."""
@@ -210,8 +303,10 @@ class Call:
     def __init__(self, swarm: Swarm, device: Device, function: str, rows: np.ndarray) -> None:
         self.compiled: DeviceFunction = device_function_of(own_function(device, function))
         self._device, self._swarm, self._rows = device, swarm, rows
+        # Columns of the swarm that it takes, of which it gets the rows of its robots.
+        self.of_robots = [name for name in self.compiled.takes if self._is_of_robots(name)]
         self._asks = type(device).arguments is not Device.arguments
-        self._all = len(rows) == len(swarm)
+        self.of_all = len(rows) == len(swarm)
         self._sources: list[Callable] | None = None
 
     def __call__(self, model: Any, scene: Surroundings, arguments: dict) -> None:
@@ -219,10 +314,39 @@ class Call:
         if self._asks:
             arguments = {**self._arguments(model), **arguments}
         if self._sources is None:
-            known_names = *arguments, *OF_SCENE, "rows"
+            known_names = *arguments, *OF_SCENE, "rows", *names_of_parts(model)
             self._swarm.check_takes(self._device, self.compiled.function, known_names)
-            self._sources = [self._source(name, arguments) for name in self.compiled.takes]
+            self._sources = [self._source(name, arguments, model) for name in self.compiled.takes]
         self.compiled(*[source(arguments, scene) for source in self._sources])
+
+    def _is_of_robots(self, name: str) -> bool:
+        return name in self._swarm.columns and name not in (OUT, "rows", *OF_SCENE) and not hasattr(self._device, name)
+
+    def values(self, model: Any) -> list[Any] | None:
+        """Return what a kernel of it takes: columns whole, None for `out`; None where something is Python."""
+        if self._asks:
+            return None
+        found: list[Any] = []
+        for name in self.compiled.takes:
+            if name in OF_SCENE:
+                return None
+            value = self._value(model, name)
+            if name != OUT and not isinstance(value, (np.ndarray, float, int, bool)):
+                return None
+            if isinstance(value, np.ndarray) and not value.flags.c_contiguous:
+                return None
+            found.append(value)
+        return found
+
+    def _value(self, model: Any, name: str) -> Any:
+        if name == OUT:
+            return None
+        if name == "rows":
+            return self._rows
+        if hasattr(self._device, name):
+            return getattr(self._device, name)
+        column = self._swarm.columns.get(name)
+        return locked_view(array_of_parts(model, name) if column is None else column)
 
     def _arguments(self, model: Any) -> Mapping[str, Any]:
         more = self._device.arguments(model)
@@ -232,21 +356,44 @@ class Call:
             )
         return more
 
-    def _source(self, name: str, arguments: Mapping) -> Callable:
+    def _source(self, name: str, arguments: Mapping, model: Any) -> Callable:
         """Return a function that finds the value of a parameter in what is given at each call and the surroundings."""
         if name in arguments:
             return lambda arguments, scene: arguments[name]
-        if name == "rows":
-            return lambda arguments, scene: self._rows
         if name in OF_SCENE:
             return lambda arguments, scene: OF_SCENE[name](scene)
-        if hasattr(self._device, name):
-            value = getattr(self._device, name)
-            return lambda arguments, scene: value
-        column = locked_view(self._swarm.columns[name])
-        if self._all:
-            return lambda arguments, scene: column
-        return lambda arguments, scene: locked_view(column[self._rows])
+        if self.of_all or not self._is_of_robots(name):
+            return lambda arguments, scene: self._value(model, name)
+        return lambda arguments, scene: locked_view(self._swarm.columns[name][self._rows])
+
+
+def names_of_parts(model: Any) -> Iterator[str]:
+    """Iterate over the names by which functions take arrays of parts and of processes, see `array_of_parts`."""
+    for part_name, part in model.parts.items():
+        if part_name != "robots":
+            yield from (f"{part_name}_{name}".replace(".", "_") for name in part.columns())
+    for process in model.parts.processes.numbered.values():
+        name = getattr(process, "__name__", "")
+        yield from (f"{name}_{remembered}" for remembered in getattr(process, "memory", ()) if name)
+
+
+def array_of_parts(model: Any, name: str) -> np.ndarray:
+    """Return the column of another part, ``boards_read``, or what a process remembers, ``task_stimulus``.
+
+    Raises
+    ------
+    KeyError
+        If there is none of this name.
+    """
+    for part_name, part in model.parts.items():
+        for column_name, column in part.columns().items() if name.startswith(f"{part_name}_") else ():
+            if f"{part_name}_{column_name}".replace(".", "_") == name:
+                return column.array
+    for process in model.parts.processes.numbered.values():
+        for remembered, array in getattr(process, "memory", {}).items():
+            if f"{getattr(process, '__name__', '')}_{remembered}" == name:
+                return array
+    raise KeyError(name)
 
 
 def _rows_with(swarm: Swarm, has: list[bool]) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import operator
 from collections.abc import Callable
+from ctypes import c_char
 from typing import Any, NoReturn
 
 import numpy as np
@@ -79,6 +80,24 @@ def locked_view(array: np.ndarray) -> np.ndarray:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def writable_view(array: np.ndarray) -> np.ndarray:
+    """Return an array of the same memory that compiled functions take as one that they may write to.
+
+    For those that read only, so that they need not be compiled for locked arrays as well.
+
+    Examples
+    --------
+    >>> locked = locked_view(np.arange(3))
+    >>> writable_view(locked).flags.writeable, writable_view(locked).ctypes.data == locked.ctypes.data
+    (True, True)
+    """
+    if array.flags.writeable or not array.size:
+        return array if array.flags.writeable else array.copy()
+    memory: Any = (c_char * array.nbytes).from_address(array.ctypes.data)
+    memory.kept = array
+    return np.frombuffer(memory, array.dtype).reshape(array.shape)
 
 
 def _refuse() -> NoReturn:

@@ -17,9 +17,10 @@ import {{ LiveModel, added }} from {module};
 import {{ readFileSync }} from "fs";
 const page = JSON.parse(readFileSync(process.argv[2])), bytes = (text) => new Uint8Array(Buffer.from(text, "base64"));
 const first = page.about.starts[0], own = bytes(page.content[`start-${{first.seed}}`]), starts = new Map();
-for (const {{ seed, differs, places }} of page.about.starts) {{
+for (const {{ seed, differs, begins, places }} of page.about.starts) {{
   const content = bytes(page.content[`start-${{seed}}`]);
-  starts.set(seed, {{ places: places ?? first.places, image: differs ? added(content, own) : content }});
+  const begun = begins ? bytes(page.content[`begun-${{seed}}`]) : undefined;
+  starts.set(seed, {{ places: places ?? first.places, image: differs ? added(content, own) : content, begun }});
 }}
 const model = new LiveModel(bytes(page.content.module), page.about, starts);
 const answer = (() => {{ {body} }})();
