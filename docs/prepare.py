@@ -34,6 +34,8 @@ EMBEDDED = re.compile(r"^<!-- recorded run: (?P<name>\w+) -->$", re.MULTILINE)
 # How it is written: on a slide, and on a page, where `site.js` makes a frame of it.
 FRAME = '<iframe class="recorded-run" src="{source}" title="{title}" loading="lazy"></iframe>'
 LINK = "[{title}]({source}){{ .recorded-run }}"
+# Where the model itself runs on a page: `site.js` shows that one, and the recorded run is what the link leads to.
+LIVE_LINK = "[{title}]({source}){{ .recorded-run .live-run }}"
 # Results and tables to look up, which the search of the site leaves out.
 APPENDIX = "appendix"
 NOT_SEARCHED = "---\nsearch:\n  exclude: true\n---\n\n"
@@ -60,6 +62,7 @@ def prepare(target: Path = TARGET) -> None:
     shutil.rmtree(target, ignore_errors=True)
     shutil.copytree(SOURCES, target, ignore=NOT_PAGES)
     runs = recorded_runs()
+    live = write_live_pages(target / "live", runs)
     _write_repository(target)
     _write_models(target / "models")
     _write_notebooks(target / "notebooks", runs)
@@ -70,11 +73,13 @@ def prepare(target: Path = TARGET) -> None:
         if page.parent == target:  # in the repository notebooks lie beside docs/, on the site among the pages
             text = text.replace("](../notebooks/", "](notebooks/")
         if page.name == SLIDES:
-            page.with_suffix(".html").write_text(slide_show(_with_runs(text, FRAME, "../", runs)), encoding="utf-8")
+            page.with_suffix(".html").write_text(
+                slide_show(_with_runs(text, FRAME, "../", runs, live)), encoding="utf-8"
+            )
             page.unlink()
         else:
             up = "../" * (len(page.relative_to(target).parts) - 1)
-            page.write_text(_with_runs(text, LINK, up, runs), encoding="utf-8")
+            page.write_text(_with_runs(text, LINK, up, runs, live), encoding="utf-8")
     _write_runs(target / "recorded", runs)
     write_redirects(target)
 
@@ -114,14 +119,26 @@ def _write_notebooks(folder: Path, runs: dict[str, RecordedRun]) -> None:
         write_page(notebook, file.stem, folder)
 
 
-def _with_runs(text: str, form: str, up: str, runs: dict[str, RecordedRun]) -> str:
+def _with_runs(text: str, form: str, up: str, runs: dict[str, RecordedRun], live: set[str]) -> str:
     """Return a page with its recorded runs in this form; `up` leads to the top of the site."""
 
     def shown(found: re.Match) -> str:
-        title = f"A recorded run: {runs[found['name']].title}"
-        return form.format(source=f"{up}recorded/{found['name']}.html", title=title)
+        name, is_link = found["name"], form == LINK
+        title = f"A recorded run: {runs[name].title}"
+        folder = "live" if name in live and not is_link else "recorded"
+        shape = LIVE_LINK if name in live and is_link else form
+        return shape.format(source=f"{up}{folder}/{name}.html", title=title)
 
     return EMBEDDED.sub(shown, text)
+
+
+def write_live_pages(folder: Path, runs: dict[str, RecordedRun]) -> set[str]:
+    """Write a page of each run whose model can run on one, and return their names."""
+    folder.mkdir()
+    pages = {name: page for name, run in runs.items() if (page := run.live_page())}
+    for name, page in pages.items():
+        (folder / f"{name}.html").write_text(page, encoding="utf-8")
+    return set(pages)
 
 
 def _write_runs(folder: Path, runs: dict[str, RecordedRun]) -> None:

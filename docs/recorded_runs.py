@@ -1,4 +1,4 @@
-"""Recorded runs that pages of the site embed: each a page that plays without a server, small enough for a telephone."""
+"""Runs that pages of the site embed, each a page without a server, small enough for a telephone: recorded, and live."""
 
 import ast
 import tomllib
@@ -13,8 +13,9 @@ import nbformat
 from mesa_swarm import Recording, model_info
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.dashboard.gallery.gallery_pictures import SHOTS
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import ExportError, InvalidValueError
 from mesa_swarm.gallery import find_model
+from mesa_swarm.live.live_page import LivePage
 from mesa_swarm.viewing.replay_page import replay_page
 
 # Rows that a page plays in a second at its usual speed, and seconds that are recorded.
@@ -22,6 +23,7 @@ ROWS_A_SECOND, SECONDS = 30, 16
 # A shorter run, as of a model that stops soon, would hardly be seen.
 LEAST_SECONDS = 3
 LARGEST = 400_000  # bytes of a page
+SEEDS = 5  # with which a page that runs a model can begin
 FILE = Path(__file__).with_name("recorded_runs.toml")
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 
@@ -54,8 +56,18 @@ class RecordedRun:
     notebook: str = ""
     cells: Sequence[str] = ()
 
+    def live_page(self) -> str:
+        """Return the page that runs the model of a page of the gallery; empty where it has Python, or is large."""
+        if self.notebook != self.model and self.notebook:
+            return ""
+        try:
+            page = LivePage(find_model(self.model)(rng=self.rng, **self.settings), range(1, SEEDS + 1)).text(LARGEST)
+        except ExportError:
+            return ""
+        return page if len(page) <= LARGEST else ""
+
     def page(self) -> str:
-        """Return the page that plays it, with as many rows as its size permits."""
+        """Return the page that plays a recording of it, with as many rows as its size permits."""
         rows = ROWS_A_SECOND * SECONDS
         while len(page := self._page(rows)) > LARGEST:
             rows = int(0.95 * rows * LARGEST / len(page))

@@ -27,14 +27,19 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mesa_swarm import AGENT9, Actuator, RobotDesign, Seed, Sensor, Slider, SwarmModel
+from mesa_swarm import AGENT9, Actuator, RobotDesign, Seed, Sensor, Slider, SwarmModel, process, share, value
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import check_count, check_number
 
 # Time units a step: the paper's rates are for a time unit.
 PACE = 0.05
 CASTES = ("minor", "major")
-COLLECTED = ("active", "active_minors", "active_majors", "stimulus")
+COLLECTED = {
+    "active": share("act.work", empty=0.0),
+    "active_minors": value("task.shares", 0),
+    "active_majors": value("task.shares", 1),
+    "stimulus": value("task.stimulus"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +49,10 @@ class Urge(Sensor):
     name: str = "urge"
     threshold: float = 1.0
 
-    def arguments(self, model: SwarmModel) -> dict[str, float]:
-        """Return the stimulus, which is the same everywhere."""
-        return {"stimulus": model.state["stimulus"]}
-
     @staticmethod
-    def read(stimulus: float, threshold: float, out: np.ndarray) -> None:
+    def read(task_stimulus: np.ndarray, threshold: float, out: np.ndarray) -> None:
         """Fill `out` (n, 1)."""
-        out[:, 0] = stimulus**2 / (stimulus**2 + threshold**2)
+        out[:, 0] = task_stimulus[0] ** 2 / (task_stimulus[0] ** 2 + threshold**2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,17 +62,20 @@ class Work(Actuator):
     name: str = "work"
 
 
-class Task:
-    """A process: the stimulus of the task, which grows by demand and falls by work."""
-
-    def __init__(self, demand: float, efficiency: float) -> None:
-        self.demand = check_number("demand", demand, minimum=0)
-        self.efficiency = check_number("efficiency", efficiency, above=0)
-
-    def step(self, model: "TaskAllocation") -> None:
-        """Advance the stimulus by one step."""
-        change = self.demand - self.efficiency * model.active
-        model.state["stimulus"] = max(model.state["stimulus"] + PACE * change, 0.0)
+@process(memory={"stimulus": 0.0, "shares": [0.0, 0.0]})
+def task(
+    act_work: np.ndarray, design: np.ndarray, stimulus: np.ndarray, shares: np.ndarray, demand: float = 1.0,
+    efficiency: float = 3.0,
+) -> None:  # fmt: skip
+    """Let the stimulus grow by demand and fall by work; count the share of each caste at work."""
+    for caste in range(2):
+        robots, at_work = 0, 0.0
+        for i in range(len(design)):
+            if design[i] == caste:
+                robots, at_work = robots + 1, at_work + act_work[i]
+        shares[caste] = at_work / robots if robots > 0 else np.nan
+    active = act_work.sum() / max(len(act_work), 1)
+    stimulus[0] = max(stimulus[0] + PACE * (demand - efficiency * active), 0.0)
 
 
 @behaviour(memory={"working": 0})
@@ -107,16 +111,15 @@ class TaskAllocation(SwarmModel):
         major_threshold: Annotated[float, Slider(0.1, 50, 0.1, "stimulus at which a major begins with 50 %")] = 8.0,
         rng: Seed = None,
     ) -> None:
-        super().__init__(map="openspace", rng=rng, model_reporters={name: name for name in COLLECTED})
+        super().__init__(map="openspace", rng=rng, model_reporters=COLLECTED)
         count = check_count("n_robots", n_robots)
         majors = round(count * check_number("major_share", major_share, minimum=0, maximum=1))
         thresholds = {"minor_threshold": minor_threshold, "major_threshold": major_threshold}
         urges = [Urge(threshold=check_number(name, value, above=0)) for name, value in thresholds.items()]
         for name, urge, size in zip(CASTES, urges, (count - majors, majors), strict=True):
             self.add_robots(RobotDesign(name=name, sensors=(*AGENT9.sensors, urge), actuators=(Work(),)), size)
-        self.state["stimulus"] = 0.0
-        self.task = Task(demand, efficiency)
-        self.add_process(self.task)
+        wanted, fall = check_number("demand", demand, minimum=0), check_number("efficiency", efficiency, above=0)
+        self.task = self.add_process(task(demand=wanted, efficiency=fall))
         self.control = Subsumption(respond(quitting=quitting), Avoid(distance=15), Explore())
 
     @property
@@ -137,7 +140,7 @@ class TaskAllocation(SwarmModel):
     @property
     def stimulus(self) -> float:
         """The stimulus of the task, at least 0."""
-        return self.state["stimulus"]
+        return self.task.stimulus
 
     def _active(self, caste: str) -> float | None:
         of_caste = np.array([design.name == caste for design in self.swarm.designs], bool)[self.swarm.design]

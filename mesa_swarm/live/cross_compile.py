@@ -1,7 +1,7 @@
 """Functions compiled to WebAssembly, in a process of its own: ``python -m mesa_swarm.live.cross_compile JOB OBJECT``.
 
 Numba writes the code of LLVM for this machine's processor. Its passes would put sizes of this machine's pointers into
-it, so none of them runs here: what Numba has written is linked, and only then LLVM is told that it is for WebAssembly,
+it, so none of them runs here: what Numba has written is linked, and only then LLVM learns that it is for WebAssembly,
 and optimises it. No linker and no library of C takes part. What one process compiles for its own processor and what it
 compiles here must not meet, hence a process of its own.
 """
@@ -86,7 +86,7 @@ def link_modules(modules: list[Any], texts: list[str], machine: Any) -> Any:
 
 
 def text_for_linking(module: Any) -> str:
-    """Return a module's text, without what is said of this machine, and with functions that others may define too."""
+    """Return a module's text, without what it states of this machine, and with functions that others may define too."""
     text = re.sub(r"^target (triple|datalayout).*\n", "", str(module), flags=re.M)
     text = re.sub(r'"(target-cpu|target-features|probe-stack|frame-pointer)"="[^"]*"', "", text)
     text = re.sub(r"= common ((local_)?unnamed_addr )?global", "= weak_odr global", text)

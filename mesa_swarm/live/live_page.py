@@ -34,7 +34,7 @@ MOST_SEEDS = 1000
 MOST_VARIANTS = 5
 # A page with more robots has one start: images are large.
 MOST_ROBOTS_WITH_SEEDS = 200
-# A page has no more bytes, unless its number of seeds was asked for.
+# A page has no more bytes, unless a number of seeds is given.
 MOST_PAGE_BYTES = 400_000
 # Of compression.
 LEVEL = 9
@@ -156,7 +156,7 @@ class LivePage:
             starts.append({"seed": seed, "differs": differs, "begins": bool(start.begun), **facts})
         info = model_info(self.model_class)
         about = {
-            "model": self.model_class.__name__,
+            "title": title_of(info.name),
             "base": BASE,
             "seed": self.seed,
             "steps": self._first.completed,
@@ -224,6 +224,18 @@ def can_be_made_anew(model: Any) -> bool:
 def _seed_of(model: Any) -> int:
     seed = parameters_of_run(model).get("rng")
     return int(seed) if isinstance(seed, (int, np.integer)) else 0
+
+
+def title_of(name: str) -> str:
+    """Return the name or address of a model as a title.
+
+    Examples
+    --------
+    >>> title_of("best_of_n"), title_of("./mine.py:DoorModel")
+    ('Best of n', 'DoorModel')
+    """
+    words = name.rpartition(":")[2].replace("_", " ")
+    return words[:1].upper() + words[1:]
 
 
 def overlapping(changes: Mapping[str, Change]) -> set[str]:

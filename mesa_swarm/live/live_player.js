@@ -9,6 +9,8 @@ const BUDGET = 12;
 const READINGS_EVERY = 100;
 const MOST_POINTS = 4000;
 const MOST_NUMBERS = 4;
+// In a frame of another page the world is shown with few buttons, and plays, unless the system requests less motion.
+const EMBEDDED = self !== top || location.hash.includes("embedded");
 const find = (id) => document.getElementById(id);
 const asText = (number) => (Number.isInteger(number) ? number.toLocaleString("en") : String(Number(number.toPrecision(4))));
 const inWords = (name) => name.replaceAll("_", " ");
@@ -227,7 +229,7 @@ class LivePlayer {
     this.drawChart();
   }
 
-  /** Change a parameter, and say so beside its slider. */
+  /** Change a parameter, and show it beside its slider. */
   change(name, value) {
     try {
       this.model.set(name, value);
@@ -251,6 +253,7 @@ class LivePlayer {
 
   /** Put the settings into the address, and take them from there. */
   remember() {
+    if (EMBEDDED) return;
     const settings = new URLSearchParams();
     if (this.model.seed !== this.about.seed) settings.set("seed", this.model.seed);
     for (const { name, value } of this.about.parameters) {
@@ -313,7 +316,7 @@ class LivePlayer {
     const style = getComputedStyle(document.documentElement), colour = (name) => style.getPropertyValue(`--swarm-${name}`).trim();
     const every = Math.max(1, Math.ceil(values.length / MOST_POINTS)), shown = values.filter((_, k) => k % every === 0);
     const finite = shown.filter(Number.isFinite), low = Math.min(0, ...finite), highest = Math.max(0, ...finite), high = highest > low ? highest : low + 1;
-    const top = 14, left = 8, bottom = 26, x = (k) => left + ((width - 2 * left) * k) / Math.max(shown.length - 1, 1);
+    const top = 30, left = 8, bottom = 26, x = (k) => left + ((width - 2 * left) * k) / Math.max(shown.length - 1, 1);
     const y = (value) => height - bottom - ((height - top - bottom) * (value - low)) / (high - low);
     context.clearRect(0, 0, width, height);
     context.strokeStyle = colour("line");
@@ -332,7 +335,7 @@ class LivePlayer {
     context.stroke();
     context.fillStyle = colour("soft");
     context.font = "20px system-ui, sans-serif";
-    context.fillText(asText(high), left + 2, top + 18);
+    context.fillText(asText(high), left + 2, top - 8);
     context.fillText(`${asText(steps[0] ?? 0)} to ${asText(steps.at(-1) ?? 0)} steps`, left + 2, height - 5);
     const name = inWords(this.model.start.rows.names[this.#curve]);
     canvas.setAttribute("aria-label", `${name} over the steps: now ${asText(values.at(-1) ?? 0)}, at most ${finite.length ? asText(Math.max(...finite)) : 0}`);
@@ -376,7 +379,7 @@ class LivePlayer {
   /** Write down once what the page is of. */
   describe() {
     const { about, world } = this;
-    const title = about.model.replace(/(?<=[a-z0-9])(?=[A-Z])/g, " ");
+    const { title } = about;
     document.title = title;
     find("model").textContent = title;
     fill(find("facts"), { map: world.map, robots: this.model.start.robots, ...about.fixed });
@@ -520,7 +523,7 @@ async function start() {
   });
   Object.defineProperty(swarm, "steps", { get: () => model.steps });
   Object.defineProperty(swarm, "parameters", { get: () => model.parameters });
-  if (self !== top || location.hash.includes("embedded")) {
+  if (EMBEDDED) {
     document.documentElement.dataset.embedded = "true";
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
   }

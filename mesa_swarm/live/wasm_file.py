@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 MAGIC = b"\0asm\1\0\0\0"
-CUSTOM, IMPORT, EXPORT, DATA = 0, 2, 7, 11
+CUSTOM, IMPORT, EXPORT, CONSTANTS = 0, 2, 7, 11
 # Kinds of imports, of symbols and of parts of the section "linking".
 FUNCTION, TABLE, MEMORY, GLOBAL, TAG = range(5)
 SYMBOLS = 8
-DATA_SYMBOL, SECTION_SYMBOL = 1, 3
+CONSTANTS_SYMBOL, SECTION_SYMBOL = 1, 3
 UNDEFINED, NAMED = 0x10, 0x40
 HAS_MAXIMUM = 1
 CONSTANT, END = 0x41, 0x0B
@@ -112,7 +112,7 @@ def _list_symbols(reader: SectionReader) -> Iterator[tuple[str, int]]:
 
 def _read_symbol(reader: SectionReader) -> Iterator[tuple[str, int]]:
     kind, flags = reader.byte(), reader.number()
-    if kind == DATA_SYMBOL:
+    if kind == CONSTANTS_SYMBOL:
         reader.name()
         for _ in range(0 if flags & UNDEFINED else 3):
             reader.number()
@@ -159,7 +159,7 @@ def end_of_data(content: bytes) -> int:
     """Return the address behind the constants of a module."""
     end = 0
     for kind, section in sections_of(content):
-        if kind != DATA:
+        if kind != CONSTANTS:
             continue
         reader = SectionReader(section)
         for _ in range(reader.number()):
@@ -193,7 +193,7 @@ def with_exports(content: bytes, exports: Mapping[str, str]) -> bytes:
     )
     kept = [(kind, section) for kind, section in sections_of(content) if kind != CUSTOM]
     # The exports stand behind types, imports, functions, tables, memories, tags and globals.
-    place = next((k for k, (kind, _) in enumerate(kept) if EXPORT < kind <= DATA + 1), len(kept))
+    place = next((k for k, (kind, _) in enumerate(kept) if EXPORT < kind <= CONSTANTS + 1), len(kept))
     kept.insert(place, (EXPORT, body))
     return MAGIC + b"".join(bytes([kind]) + _with_length(section) for kind, section in kept)
 

@@ -236,6 +236,8 @@ def find_array_of_part(model: Any, column: str) -> np.ndarray:
         return cache.arrays[column]
     name, _, of_part = column.partition(".")
     owned = model.parts[name].columns() if name in model.parts else {}
+    if of_part not in owned and (array := model.parts.processes.memory_of(name, of_part)) is not None:
+        return array
     if of_part not in owned:
         raise UnknownNameError(unknown_name("column", column, list_columns(model)))
     if state[1] is not None and model.parts[name] in model.parts.standing():

@@ -82,9 +82,21 @@ class ProcessRule(Process):
             check_number(f"{self.__name__}'s {name}", value)
         return ProcessRule(self.function, {**self.numbers, **changes}, self.memory, self.every, self.events)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set one of its numbers, or what it remembers, by its name; or another attribute."""
+        if name in self.__dict__.get("numbers", {}):
+            check_number(f"{self.__name__}'s {name}", value)
+            self.numbers = MappingProxyType({**self.numbers, name: value})
+        elif name in self.__dict__.get("memory", {}):
+            self.memory[name][:] = value
+        else:
+            super().__setattr__(name, value)
+
     def __getattr__(self, name: str) -> Any:
-        """Return what it remembers by its name: a number, or an array of several."""
-        memory = self.__dict__.get("memory", {})
+        """Return one of its numbers, or what it remembers, by its name: a number, or an array of several."""
+        memory, numbers = self.__dict__.get("memory", {}), self.__dict__.get("numbers", {})
+        if name in numbers:
+            return numbers[name]
         if name not in memory:
             raise AttributeError(f"process {self.__dict__.get('__name__', '')} has no attribute {name}")
         return memory[name][0].item() if len(memory[name]) == 1 else memory[name]

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
+import numpy as np
+
 from mesa_swarm.base.errors import InvalidValueError, read_attribute, shortened
 from mesa_swarm.kernels.part import Itself, Part, Phase, Stage, kernel_of
 from mesa_swarm.model.state import Checkpointed, attributes_of, quick_fingerprint, refuse_attributes, stored_state
@@ -175,6 +177,13 @@ class ProcessesPart(Part):
         """Have these processes, in this order."""
         self.numbered = numbered
         self.model.parts.replan()
+
+    def memory_of(self, process_name: str, name: str) -> np.ndarray | None:
+        """Return what a process of this name remembers under a name, None if there is no such process."""
+        for process in self.numbered.values():
+            if getattr(process, "__name__", "") == process_name:
+                return getattr(process, "memory", {}).get(name)
+        return None
 
     def states(self) -> Iterator[tuple[str, Any]]:
         """Iterate over the state of processes, by name."""

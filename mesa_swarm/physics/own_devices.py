@@ -330,7 +330,10 @@ class Call:
         for name in self.compiled.takes:
             if name in OF_SCENE:
                 return None
-            value = self._value(model, name)
+            try:
+                value = self._value(model, name)
+            except KeyError:  # which the first reading refuses in words
+                return None
             if name != OUT and not isinstance(value, (np.ndarray, float, int, bool)):
                 return None
             if isinstance(value, np.ndarray) and not value.flags.c_contiguous:

@@ -278,7 +278,7 @@ class Swarm:
             if sensor.name not in self.table.readings and hasattr(self, sensor.name):
                 raise InvalidValueError(f"sensor {sensor.name} has the name of something else of the swarm; rename it")
             if type(sensor).arguments is Device.arguments:
-                self.check_takes(sensor, own_function(sensor, "read"), ("out",))
+                self.check_takes(sensor, own_function(sensor, "read"), ("out", *names_that_may_come(sensor)))
 
     def check_takes(self, device: Device, function: Any, known_names: Iterable[str]) -> None:
         """Refuse a function of arrays that takes something unknown; `known_names` are more names that there are.
@@ -431,3 +431,11 @@ COLUMNS: dict[str, tuple[tuple, type, object]] = {name: vars(Swarm)[name] for na
 for _name in COLUMNS:
     delattr(Swarm, _name)
 reserve_names((*COLUMNS, *dir(Swarm), *vars(Swarm())))
+
+
+def names_that_may_come(device: Device) -> tuple[str, ...]:
+    """Return what a sensor's function takes that parts or processes may have, ``task_stimulus``: they may come later.
+
+    The first reading refuses those that have not.
+    """
+    return tuple(name for name in argument_names(own_function(device, "read")) if "_" in name.strip("_"))

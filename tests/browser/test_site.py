@@ -276,13 +276,13 @@ def test_no_page_makes_external_requests(site, asked):
 def test_the_home_page_every_model_and_every_notebook_has_a_recorded_run(site):
     pages = [site / "index.html", *site.glob("models/*/index.html"), *site.glob("notebooks/*/index.html")]
     assert len(pages) >= 30
-    assert [str(page) for page in pages if 'class="recorded-run"' not in page.read_text(encoding="utf-8")] == []
+    assert [str(page) for page in pages if 'class="recorded-run' not in page.read_text(encoding="utf-8")] == []
 
 
 def test_a_recorded_run_plays_by_itself_and_begins_again_at_its_end(site, chromium):
     with served(site) as address:
         page = blank_page(chromium)
-        page.goto(f"{address}/models/boids/")
+        page.goto(f"{address}/models/foraging/")
         frame = page.frame_locator("iframe.recorded-run")
         frame.locator("html[data-embedded][data-ready]").wait_for()
         step = frame.locator("#scrub")
@@ -291,6 +291,18 @@ def test_a_recorded_run_plays_by_itself_and_begins_again_at_its_end(site, chromi
         frame.locator("#scrub").fill(step.get_attribute("max"))
         wait_until(lambda: int(step.input_value()) < int(step.get_attribute("max")) // 2)
         assert frame.locator("header").is_hidden()
+        page.close()
+
+
+def test_a_model_that_runs_on_a_page_runs_on_its_own(site, chromium):
+    with served(site) as address:
+        page = blank_page(chromium)
+        for place in ("models/boids/", ""):
+            page.goto(f"{address}/{place}")
+            frame = page.frame_locator("iframe.recorded-run")
+            frame.locator("html[data-embedded][data-ready]").wait_for()
+            step = frame.locator("#step")
+            wait_until(lambda step=step: int(step.text_content().replace(",", "")) > 20)
         page.close()
 
 
@@ -306,7 +318,7 @@ def test_a_system_with_less_motion_shows_it_at_rest(site, chromium):
 def test_no_page_is_wider_than_its_window(site, chromium):
     with served(site) as address:
         page = blank_page(chromium)
-        page.route("**/recorded/**", lambda route: route.abort())  # as wide as their frame
+        page.route(re.compile("/(recorded|live)/"), lambda route: route.abort())  # as wide as their frame
         wide = []
         for one in pages_of(site):
             page.goto(f"{address}/{one.path.parent.relative_to(site)}/", wait_until="domcontentloaded")
@@ -320,8 +332,8 @@ def test_no_page_is_wider_than_its_window(site, chromium):
 
 
 def test_recorded_runs_are_small(site):
-    sizes = {path.name: path.stat().st_size for path in (site / "recorded").glob("*.html")}
-    assert len(sizes) >= 29
+    sizes = {path: path.stat().st_size for folder in ("recorded", "live") for path in (site / folder).glob("*.html")}
+    assert len(sizes) >= 35
     assert max(sizes.values()) <= LARGEST
 
 

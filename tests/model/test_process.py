@@ -9,10 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm import Process, SwarmModel
+from mesa_swarm import Process, SwarmModel, process, value
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.model.state import LARGE, State, quick_fingerprint
 from support.scenes import blind, empty
+
+
+@process(memory={"total": 0.0})
+def add_up(total, step_size=1.0):
+    total[0] += step_size
 
 
 class Tide:
@@ -182,3 +187,33 @@ def test_any_cell_of_a_large_array_counts_in_its_fingerprint(cell):
     grid[cell] = 1
     assert quick_fingerprint(grid) != before
     assert State({"a": grid})["a"] is grid
+
+
+def test_a_number_that_is_set_by_hand_counts_from_the_next_step():
+    model = SwarmModel(rng=1)
+    counting = model.add_process(add_up(step_size=1.0))
+    model.run(5)
+    counting.step_size = 10.0
+    assert (model.run(5).processes[0].total, counting.step_size) == (55.0, 10.0)
+
+
+def test_what_is_remembered_is_set_by_hand_in_place():
+    model = SwarmModel(rng=1)
+    counting = model.add_process(add_up(step_size=1.0))
+    model.run(5)
+    counting.total = 100.0
+    assert model.run(5).processes[0].total == 105.0
+
+
+def test_a_wrong_number_that_is_set_by_hand_is_refused_and_the_old_one_stays():
+    counting = add_up(step_size=1.0)
+    with pytest.raises(InvalidValueError, match="add_up's step_size is nan"):
+        counting.step_size = math.nan
+    assert counting.step_size == 1.0
+
+
+def test_a_measure_reads_what_a_process_remembers():
+    model = SwarmModel(rng=1, model_reporters={"total": value("add_up.total")})
+    model.add_process(add_up(step_size=2.0))
+    assert model.run(4).datacollector.model_vars["total"] == [2.0, 4.0, 6.0, 8.0]
+    assert "add_up" not in str(model.plan).partition("besides")[2]

@@ -33,11 +33,11 @@ def ask_node(page, body, folder):
     if NODE is None:
         pytest.skip("there is no node (Debian: apt install nodejs)")
     about, content = page.parts()
-    data, script = folder / "page.json", folder / "script.mjs"
+    source, script = folder / "page.json", folder / "script.mjs"
     texts = {name: b64encode(piece).decode() for name, piece in content.items()}
-    data.write_text(json.dumps({"about": about, "content": texts}))
+    source.write_text(json.dumps({"about": about, "content": texts}))
     script.write_text(SCRIPT.format(module=json.dumps(str(LIVE)), body=body))
-    call = subprocess.run([NODE, str(script), str(data)], capture_output=True, text=True, check=False)
+    call = subprocess.run([NODE, str(script), str(source)], capture_output=True, text=True, check=False)
     assert call.returncode == 0, call.stderr
     return json.loads(call.stdout)
 

@@ -34,6 +34,7 @@ from mesa_swarm.viewing.player import PackedFrame
 MOST_BYTES = 300_000_000
 # Steps between checks of the file's size.
 LOOK_EVERY = 50
+LIVE = "live"
 # Kinds of files with their labels; those with a dot are tables.
 KINDS = {
     "png": "Picture (PNG)",
@@ -41,6 +42,7 @@ KINDS = {
     "gif": "Animation (GIF)",
     "mp4": "Film (MP4)",
     "html": "Page that replays it (HTML)",
+    LIVE: "Page that runs the model (HTML)",
     "arrow": "Recording (.arrow)",
     "robots.csv": "Table of robots (CSV)",
     "robots.parquet": "Table of robots (Parquet)",
@@ -177,7 +179,7 @@ class ExportRequest:
     @property
     def ending(self) -> str:
         """The ending of the file's name."""
-        return self.kind.rsplit(".", maxsplit=1)[-1]
+        return "html" if self.kind == LIVE else self.kind.rsplit(".", maxsplit=1)[-1]
 
     @property
     def table(self) -> str:
@@ -289,6 +291,10 @@ class Exporting:
             name = f"{short_name(session.name)}_{step}.{request.kind}"
             self._hand_over(name, png(figure) if request.kind == "png" else svg(figure))
             return name
+        if request.kind == LIVE:
+            name = f"{short_name(session.name)}.html"
+            self._hand_over(name, self._make_live_page())
+            return name
         source = self.folder / "made.arrow"
         rows = self._from_recording(source) if request.source == "recording" else self._repeat_run(source)
         result = source if request.kind == "arrow" else self.folder / f"made.{request.ending}"
@@ -301,6 +307,18 @@ class Exporting:
         name = f"{short_name(session.name)}{f'_{request.table}' if request.table else ''}.{request.ending}"
         self._hand_over(name, result)
         return name
+
+    def _make_live_page(self) -> Path:
+        """Make a page on which the model runs from the beginning, with the parameters of this run."""
+        session = self.session
+        with session.lock:
+            if session.model is None:
+                raise ExportError("no model to export; press Reset first")
+            again = session.repetition()
+        self._note("Making the page", None)
+        path = again.model.export(self.folder / "made.html", live=True, overwrite=True)
+        self._check_cancelled()
+        return path
 
     def _choose_scene(self) -> tuple[int, Shown]:
         """Return the displayed step, and what to draw of it."""
@@ -434,7 +452,9 @@ class ExportDesk(Link):
         model = self.session.model
         burns = model is not None and len(model.fires) > 0
         kinds_made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
-        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in kinds_made.items()]
+        kinds: list[list[str | bool]] = [
+            [key, label, key not in (*PICTURES, LIVE)] for key, label in kinds_made.items()
+        ]
         self.exporter.kinds = kinds
         self._show()
 
