@@ -60,6 +60,8 @@ export class LiveModel {
   /** Whether a condition of the model has ended the run. */
   get ended() { return this.#emptied; }
   get start() { return this.#start; }
+  /** How many bytes its arrays and functions take. */
+  get memory() { return this.#memory.buffer.byteLength; }
 
   /** Begin anew, with the seed of before or another one. */
   reset({ seed = this.seed } = {}) {
@@ -111,6 +113,17 @@ export class LiveModel {
     const { temperature, robots, out } = this.#start.fires;
     const visitors = Number(this.#view("i8", robots + 8 * place, 1)[0]);
     return [this.#view("f8", temperature[place], 1)[0], visitors, this.#view("b1", out + place, 1)[0]];
+  }
+
+  /** Put the robot in a row at a place, as its handle does in Python, and return whether there is room for it. */
+  move(row, x, y) {
+    const [place, block, length] = this.#start.hand, robots = this.#start.robots;
+    if (!(Number.isInteger(row) && row >= 0 && row < robots)) throw new Error(`row is ${row}; expected 0 to ${robots - 1}`);
+    this.#begin();
+    this.#view("f8", this.#start.hand_at, 2).set([x, y]);
+    const code = this.#called(() => this.#exports.call_kernel(place, block, length, 0, row, row + 1));
+    this.#sense();
+    return code === 0;
   }
 
   /** Return the fingerprint of the model as it is now: that of `model.state_hash()`. */

@@ -461,6 +461,7 @@ class LivePlayer {
       farther: () => this.stage.zoom(1 / 1.5),
       theme: () => this.setTheme(this.theme === "dark" ? "light" : "dark"),
       follow: () => this.stage.follow(this.stage.followed === this.stage.selected ? null : this.stage.selected),
+      hand: () => this.handle(find("hand").getAttribute("aria-pressed") !== "true"),
       full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
       fold: () => find("fold").setAttribute("aria-expanded", String(find("fold").getAttribute("aria-expanded") !== "true")),
       fingerprint: () => (find("hash").textContent = this.model.hash()),
@@ -471,7 +472,7 @@ class LivePlayer {
     find("speed").addEventListener("input", ({ target }) => this.setSpeed(Number(target.value)));
     find("robot").addEventListener("toggle", () => this.showRobot(), true);
     document.addEventListener("click", (event) => event.detail && event.target.closest?.("button, label")?.blur());
-    const keys = { " ": "play", ArrowRight: "forth", r: "reset", f: "fit", "+": "closer", "-": "farther" };
+    const keys = { " ": "play", ArrowRight: "forth", r: "reset", f: "fit", m: "hand", "+": "closer", "-": "farther" };
     document.addEventListener("keydown", (event) => {
       const { target, key } = event, name = keys[key.length === 1 ? key.toLowerCase() : key];
       const own = target.matches("input[type=range], select") || (key === " " && target.matches("button, summary, input[type=checkbox]"));
@@ -485,6 +486,31 @@ class LivePlayer {
   fit() {
     this.stage.follow(null);
     this.stage.fit();
+  }
+
+  /** Let the pointer move robots, or select them and the map again. */
+  handle(on) {
+    let held = null;
+    this.stage.tool = !on ? null : {
+      cursor: "grab",
+      press: ({ hit }) => {
+        held = hit.kind === "robot" ? this.frames.ids.indexOf(hit.id) : null;
+        return held !== null;
+      },
+      move: ({ x, y }) => this.put(held, x, y),
+      release: () => (held = null),
+      cancel: () => (held = null),
+    };
+    find("hand").setAttribute("aria-pressed", String(on));
+  }
+
+  /** Put a robot where there is room for it. */
+  put(row, x, y) {
+    if (row === null || !this.model.move(row, x, y)) return false;
+    this.#points = [];
+    find("hash").textContent = "";
+    this.show(true);
+    return true;
   }
 }
 
@@ -519,9 +545,12 @@ async function start() {
     column: (name) => model.column(name),
     set: (name, value) => { model.set(name, value); player.showSettings(); player.remember(); },
     reset: ({ seed = model.seed } = {}) => player.reset(seed),
+    move: (row, x, y) => player.put(row, x, y),
     hash: () => model.hash(),
   });
   Object.defineProperty(swarm, "steps", { get: () => model.steps });
+  Object.defineProperty(swarm, "memory", { get: () => model.memory });
+  Object.defineProperty(swarm, "stage", { get: () => player.stage });
   Object.defineProperty(swarm, "parameters", { get: () => model.parameters });
   if (EMBEDDED) {
     document.documentElement.dataset.embedded = "true";

@@ -12,6 +12,7 @@ from mesa_swarm.kernels.block import ADDRESSES, note_blocks
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.plan import Driver
 from mesa_swarm.learning.learner import LearningLayer
+from mesa_swarm.live.edits import Hand, put_robot
 from mesa_swarm.live.fingerprint import Fingerprint, digest_pieces
 from mesa_swarm.live.image import Functions, Image, clean_memory
 from mesa_swarm.model.driving import ENGINE_MODEL, driver_of, kernels_of_stages
@@ -98,10 +99,14 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         fingerprint = Fingerprint(model)
         streams = [stream for _, stream in model.streams.items()]
         addresses = {address: function for function, address in ADDRESSES.items()}
+        hand = Hand(model)
         functions.place_of(digest_pieces)
-        roots = [driver._block, fingerprint.block]
+        functions.place_of(put_robot)
+        roots = [driver._block, fingerprint.block, hand.block]
         image = Image(roots, notes, addresses, streams, functions, BASE)
         places = _places(model, driver, sensing, fingerprint, image, functions)
+        places["hand"] = [functions.place_of(put_robot), image.address_of(hand.block.numbers), len(hand.block.numbers)]
+        places["hand_at"] = image.address_of(hand.place)
         before, begun = image.content, b""
         if begin_learning(model):
             begun = image.written_anew()

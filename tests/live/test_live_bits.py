@@ -117,3 +117,16 @@ def test_a_model_put_together_by_hand_goes_on_from_where_it_stands(tmp_path):
     steps = "[7, 8, 100, 5000]"
     body = f"return {steps}.map((step) => {{ model.step(step - model.steps); return [model.steps, model.hash()]; }})"
     assert ask_node(page, body, tmp_path) == expected
+
+
+def test_a_robot_that_is_moved_on_the_page_is_where_its_handle_puts_it_in_python(tmp_path):
+    model = find_model("fire_fighting")(rng=1).run(50)
+    model.swarm.agents[4].position = (300.0, 250.0)
+    body = """
+    model.step(50);
+    const [x, y] = model.column("position");  // of another robot
+    const found = [model.move(4, 300, 250), model.move(4, -5, 10), model.move(4, x, y)];
+    model.step(100);
+    return [found, model.hash()];
+    """
+    assert ask_node(page_of("fire_fighting")[1], body, tmp_path) == [[True, False, False], model.run(100).state_hash()]
