@@ -15,6 +15,7 @@ THINGS TO TRY. A large `k`; robots that leave at once. EXTENDING IT. Open the sh
 REFERENCE. Goss, Aron, Deneubourg, Pasteels, Naturwissenschaften 76 (1989) 579-581; J. Insect Behavior 3 (1990) 159-168.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -23,10 +24,12 @@ import shapely
 
 from mesa_swarm import (
     AGENT9,
+    Column,
     Emitter,
     Field,
     FieldSensor,
     Map,
+    Part,
     Previous,
     RobotDesign,
     Seed,
@@ -61,6 +64,22 @@ def around(ways: tuple[shapely.LineString, ...]) -> Map:
     return Map(name="double bridge", bounds=BOUNDS, obstacles=tuple(walls))
 
 
+class Lanes(Part):
+    """Corners of four lanes, (4, k, 2), NaN behind the last: the upper one out and back, then the lower one."""
+
+    name = "lanes"
+
+    def __init__(self, lines: list[shapely.LineString]) -> None:
+        corners = [shapely.get_coordinates(line) for line in lines]
+        self.corners = np.full((len(lines), max(map(len, corners)), 2), np.nan)
+        for lane, points in enumerate(corners):
+            self.corners[lane, : len(points)] = points
+
+    def columns(self) -> dict[str, Column]:
+        """Return the corners."""
+        return {"corners": Column(self.corners, role="parameter")}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Ground(Sensor):
     """The place, `NEST` and so on, and the bearings of four lanes: the upper one out and back, then the lower one."""
@@ -68,22 +87,43 @@ class Ground(Sensor):
     name: str = "ground"
     width: int = 5
 
-    def arguments(self, model: "AntTrails") -> dict[str, np.ndarray]:
-        """Return all five numbers of all robots."""
-        x, y = model.swarm.position.T
-        along = shapely.line_locate_point(model.lanes, shapely.points(x, y)[:, None]) + AHEAD
-        there = shapely.get_coordinates(shapely.line_interpolate_point(model.lanes, along)).reshape(len(x), 4, 2)
-        away = there[:, :, 0] - x[:, None] + 1j * (there[:, :, 1] - y[:, None])
-        bearings = np.angle(away * np.exp(-1j * model.swarm.heading[:, None]))
-        ahead = np.abs(x - MIDDLE) - (MIDDLE - FORKS[0])  # of the forks, towards nest or food
-        places = [x < ENDS[0] + 25.0, x > ENDS[1] - 25.0, np.abs(ahead - 22.5) < 7.5, np.abs(ahead - 50.0) < 50.0]
-        place = np.select(places, [NEST, FOOD, FORK, NEAR], PATH)
-        return {"seen": np.column_stack([place, bearings])}
-
     @staticmethod
-    def read(rows: np.ndarray, seen: np.ndarray, out: np.ndarray) -> None:
+    def read(position: np.ndarray, heading: np.ndarray, lanes_corners: np.ndarray, out: np.ndarray) -> None:
         """Fill `out` (n, 5)."""
-        out[:] = seen[rows]
+        for i in range(len(out)):
+            x, y = position[i]
+            ahead = abs(x - MIDDLE) - (MIDDLE - FORKS[0])  # of the forks, towards nest or food
+            out[i, 0] = PATH
+            if x < ENDS[0] + 25.0:
+                out[i, 0] = NEST
+            elif x > ENDS[1] - 25.0:
+                out[i, 0] = FOOD
+            elif abs(ahead - 22.5) < 7.5:
+                out[i, 0] = FORK
+            elif abs(ahead - 50.0) < 50.0:
+                out[i, 0] = NEAR
+            for lane in range(4):
+                corners, nearest, along, there = lanes_corners[lane], np.inf, 0.0, 0.0
+                for k in range(len(corners) - 1):  # where on the lane is nearest?
+                    a, b = corners[k, 0], corners[k, 1]
+                    across, up = corners[k + 1, 0] - a, corners[k + 1, 1] - b
+                    length = math.hypot(across, up)
+                    if length > 0.0:  # which it is not behind the last corner
+                        share = min(max(((x - a) * across + (y - b) * up) / length**2, 0.0), 1.0)
+                        away = math.hypot(x - a - share * across, y - b - share * up)
+                        if away < nearest:
+                            nearest, there = away, along + share * length
+                        along += length
+                px, py, left = corners[0, 0], corners[0, 1], there + AHEAD
+                for k in range(len(corners) - 1):  # what lies ahead of there?
+                    across, up = corners[k + 1, 0] - corners[k, 0], corners[k + 1, 1] - corners[k, 1]
+                    length = math.hypot(across, up)
+                    if length > 0.0 and left >= 0.0:
+                        share = min(left / length, 1.0)
+                        px, py = corners[k, 0] + share * across, corners[k, 1] + share * up
+                        left -= length
+                turn = math.atan2(py - y, px - x) - heading[i]
+                out[i, 1 + lane] = math.atan2(math.sin(turn), math.cos(turn))
 
 
 # Robots choose about 29 before a fork: both smell the middle of a branch, 50 beyond it.
@@ -150,7 +190,8 @@ class AntTrails(SwarmModel):
     ) -> None:
         ways = way(1.0, 1.0), way(-1.0, check_number("ratio", ratio, minimum=1, maximum=2))
         super().__init__(map=around(ways), rng=rng)
-        self.lanes = [line.offset_curve(-ASIDE, join_style="mitre") for path in ways for line in (path, path.reverse())]
+        paths = [line for path in ways for line in (path, path.reverse())]
+        self.add_part(Lanes([path.offset_curve(-ASIDE, join_style="mitre") for path in paths]))
         self.add_field(Field("trail", cell=5.0, diffusion=0.3, evaporation=evaporation))
         n, p = check_count("n_robots", n_robots, maximum=36), check_number("leaving", leaving, above=0, maximum=1)
         self.add_robots(ANT, poses=[(24.0 + 13.0 * (i // 3), LEVEL + 12.0 * (i % 3 - 1), 0.0) for i in range(n)])

@@ -20,11 +20,12 @@ EXTENDING IT. Let a robot go round to another place after it has pushed for long
 REFERENCE. Chen, Gauci, Li, Kolling and Gross, IEEE Transactions on Robotics 31 (2015); thesis, section 3.2.
 """
 
+import math
 from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import Choice, Radio, Seed, Slider, SwarmModel, all_round, disc, rectangle, until
+from mesa_swarm import Choice, Radio, Seed, Slider, SwarmModel, all_round, disc, process, rectangle, until, value
 from mesa_swarm.control import Avoid, Explore, Push, Subsumption
 from mesa_swarm.errors import check_choice, check_count
 
@@ -36,6 +37,15 @@ LOADS = {
     "disc": disc(START, HALF),
     "box": rectangle((START[0] - HALF, START[1] - HALF), (START[0] + HALF, START[1] + HALF)),
 }
+
+
+@process(memory={"left": math.dist(START, GOAL), "pushers": 0})
+def way(
+    bodies_position: np.ndarray, bodies_pushers: np.ndarray, left: np.ndarray, pushers: np.ndarray, row: int = 0
+) -> None:
+    """Measure how far the load's centre is from the goal, map units, and how many robots pushed it in this step."""
+    left[0] = math.hypot(bodies_position[row, 0] - GOAL[0], bodies_position[row, 1] - GOAL[1])
+    pushers[0] = bodies_pushers[row]
 
 
 class CooperativeTransport(SwarmModel):
@@ -52,6 +62,8 @@ class CooperativeTransport(SwarmModel):
     compares = "n_robots", (1, 5)
     steps_to_compare = 10_000
     headline = "arrived at", "brought the load to the goal"
+    way_left = value("way.left")  # distance of the load's centre from the goal, map units
+    pushers = value("way.pushers")  # number of robots that pushed the load in the last step
     stops = until("way_left", at_most=NEAR)
 
     def __init__(
@@ -70,21 +82,12 @@ class CooperativeTransport(SwarmModel):
         super().__init__(map="openspace", rng=rng, model_reporters={"way_left": "way_left", "pushers": "pushers"})
         self.add_obstacle(disc(GOAL, NEAR, contact=False))  # a mark on the ground at the goal
         self.load = self.add_load(LOADS[check_choice("load", load, LOADS)], resistance=resistance)
+        self.add_process(way(row=self.load.row))
         self.communication = Radio(range=2000.0, state=False, occlusion=True, beacons=(GOAL,))
         self.add_robots(all_round(12, range=sight), check_count("n_robots", n_robots))
         self.control = Subsumption(
             Avoid(distance=avoid_distance, loads="never"), Push(), Explore(turn_interval=turn_interval)
         )
-
-    @property
-    def way_left(self) -> float:
-        """Distance of the load's centre from the goal, map units."""
-        return float(np.hypot(*(self.load.position - GOAL)))
-
-    @property
-    def pushers(self) -> int:
-        """Number of robots that pushed the load in the last step."""
-        return self.load.pushers
 
     @property
     def arrived_at(self) -> int | None:

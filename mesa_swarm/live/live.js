@@ -115,6 +115,12 @@ export class LiveModel {
     return [this.#view("f8", temperature[place], 1)[0], visitors, this.#view("b1", out + place, 1)[0]];
   }
 
+  /** Return x, y and heading of a body that moves, by its id; null if there is none. */
+  body(id) {
+    const found = this.#start.moving.find(([other]) => other === id);
+    return found ? [...this.#view("f8", found[1], 2), this.#view("f8", found[2], 1)[0]] : null;
+  }
+
   /** Put the robot in a row at a place, as its handle does in Python, and return whether there is room for it. */
   move(row, x, y) {
     const [place, block, length] = this.#start.hand, robots = this.#start.robots;

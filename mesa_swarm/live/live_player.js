@@ -17,6 +17,8 @@ const inWords = (name) => name.replaceAll("_", " ");
 
 /** The typed arrays of a frame, made of the columns of a model. */
 class Frames {
+  #peaks = new Map();
+
   constructor(model, world) {
     this.model = model;
     this.world = world;
@@ -38,7 +40,7 @@ class Frames {
     const heat = single("temperature");
     return {
       step: model.steps,
-      counts: { robots, sensors, fires, loads: 0, contacts: 0 },
+      counts: { robots, sensors, fires, loads: this.world.loads.length, contacts: 0 },
       ids, design,
       pose: this.#poses(),
       distance: sensors ? single("distance") : undefined,
@@ -50,7 +52,8 @@ class Frames {
       heard: single("heard_from"),
       value: this.#values(),
       fires: this.#fires(fires),
-      loads: new Float32Array(0),
+      loads: this.#loads(),
+      fields: this.world.fields?.map((name) => this.#picture(name)),
       contacts: new Float32Array(0),
     };
   }
@@ -78,6 +81,22 @@ class Frames {
       const share = (number - low) / (high - low);
       return Number.isNaN(share) ? -1 : Math.floor(Math.min(Math.max(share, 0), 1) * steps + 0.5);
     });
+  }
+
+  #loads() {
+    const table = new Float32Array(4 * this.world.loads.length);
+    this.world.loads.forEach(({ id }, index) => table.set([index, ...(this.model.body(id) ?? [NaN, NaN, 0])], 4 * index));
+    return table;
+  }
+
+  /** The values of a field as shares of its largest value so far, pale ones enhanced as in recordings. */
+  #picture(name) {
+    const found = this.model.start.columns[`fields.${name}`];
+    if (!found) return { rows: 0, columns: 0, peak: 0, levels: new Uint8Array(0) }; // a picture that a part makes
+    const [rows, columns] = found[2], values = this.model.column(`fields.${name}`);
+    const peak = Math.max(this.#peaks.get(name) ?? 0, ...values);
+    this.#peaks.set(name, peak);
+    return { rows, columns, peak, levels: Uint8Array.from(values, (value) => (peak > 0 ? Math.round(255 * Math.sqrt(value / peak)) : 0)) };
   }
 
   #fires(count) {

@@ -88,6 +88,7 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
     with clean_memory(), note_blocks() as notes:
         model = make()
         begin_rules(model)
+        model.parts.bodies.let_roam()
         model.parts.robots.devices.bind(model)
         make_room_for_pairs(model)
         settle_at_start(model)
@@ -161,6 +162,7 @@ def _places(
     fires = _describe_fires(model, find)
     if fires:
         places["fires"] = fires
+    places["moving"] = list(_list_moving(model, find))
     rows = model.driving.rows
     if rows is not None:
         table: Any = rows
@@ -196,6 +198,14 @@ def _describe_fires(model: Any, find: Callable[[np.ndarray], int | None]) -> dic
         "out": find(fires.own["out"]),
         "robots": find(fires.own["robots"]),
     }
+
+
+def _list_moving(model: Any, find: Callable[[np.ndarray], int | None]) -> Iterator[list[Any]]:
+    """Iterate over bodies that move: the id of each, and where its place and its heading are."""
+    table = model.parts.bodies.table
+    for row, body in enumerate(table.agents):
+        if body.mode != "fixed":
+            yield [body.unique_id, find(table.position[row : row + 1]), find(table.heading[row : row + 1])]
 
 
 def _list_counts(model: Any) -> Iterable[np.ndarray]:

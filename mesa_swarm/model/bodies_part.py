@@ -90,7 +90,7 @@ class BodiesPart(Part):
         self.model, self.map, self.space, self.swarm = model, model.map, model.space, model.swarm
         self.table = BodyTable()
         self.space.attach(self.table)
-        self.cache = SceneCache()
+        self.cache, self._roams = SceneCache(), False
 
     def columns(self) -> dict[str, Column]:
         """Return what changes from step to step.
@@ -672,6 +672,11 @@ class BodiesPart(Part):
         self.swarm.disturbed = True
         self.model.parts["fields"].walls_changed()
 
+    def let_roam(self) -> None:
+        """Make the tables of bodies once for all ways that loads can go: for pages, which do not make them anew."""
+        self._roams, self.cache.scene = True, None
+        self.model.parts.replan()
+
     def scene(self) -> Surroundings:
         """Return the world without its robots, as engines need it; made anew where bodies or designs have changed."""
         designs, scene = self.swarm.table, self.cache.scene
@@ -686,6 +691,7 @@ class BodiesPart(Part):
                 apart=int(fires.sum()),
                 # Where tables are only worn, all bodies are what they were.
                 room=None if scene is None or self.cache.table is not designs else scene.room,
+                roams=self._roams,
             )
             self.cache.table = designs
             self.cache.followers = bool(self.followers())

@@ -63,14 +63,16 @@ class Surroundings:
         touch: float,
         apart: int = 0,
         room: Room | None = None,
+        roams: bool = False,
     ) -> "Surroundings":
         """Collect the bodies with these rows; `sight`, `touch` and `apart` as `Statics.of` takes them.
 
-        `room` is that of the same bodies as before, if there is one: of many loads it takes milliseconds to make.
+        With `roams` loads may go anywhere before tables have to be made anew, which makes these longer. `room` is that
+        of the same bodies as before, if there is one: of many loads it takes milliseconds to make.
         """
         of_shapes = bodies.mode[rows]
         pushed, sent = (np.flatnonzero(np.isin(of_shapes, modes)) for modes in ((PUSHED,), (DRIVEN, CARRIED)))
-        slack = SLACK * touch
+        slack = hypot(bounds[2] - bounds[0], bounds[3] - bounds[1]) if roams else SLACK * touch
         tables = {"sight": sight, "touch": touch, "slack": slack, "apart": apart}
         # Corners in the same order at every pose, which those of shapes, in normal form, are not.
         shapes = [bodies.body_of(row) for row in rows.tolist()]
