@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.warm_up import warm_up
     from mesa_swarm.kernels.part import Column, Context, Part, Phase, Shown, Stage
     from mesa_swarm.maps.map import Map
+    from mesa_swarm.model.compiled_stages import compiled_stage
     from mesa_swarm.model.info import ModelInfo, model_info
     from mesa_swarm.model.looks import Chart, ColourMap, Looks
     from mesa_swarm.model.measures import ColumnMeasure, count, mean, share, until, until_zero, value
@@ -96,6 +97,7 @@ _MODULES = {
     "kernels.part": "Column Context Part Phase Shown Stage",
     "base.streams": "Seed Streams",
     "model.parameters": "Choice Slider",
+    "model.compiled_stages": "compiled_stage",
     "model.measures": "ColumnMeasure count mean share until until_zero value",
     "model.previous": "Previous",
     "model.process_rule": "ProcessRule process",
@@ -182,6 +184,7 @@ __all__ = [
     "bump_sensor",
     "calibrate",
     "compare",
+    "compiled_stage",
     "count",
     "disc",
     "drive",

@@ -8,13 +8,30 @@ HOW TO USE IT. `boards` in a row and a column. THINGS TO NOTICE. After the sourc
 REFERENCE. Mamei, Zambonelli, ACM Transactions on Autonomous and Adaptive Systems 2(2) (2007) article 4.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
+from numba import njit
 
-from mesa_swarm import AGENT9, Column, Context, Part, Phase, Seed, Sensor, Shown, Slider, Stage, SwarmModel
+from mesa_swarm import (
+    AGENT9,
+    Column,
+    Context,
+    Part,
+    Phase,
+    Seed,
+    Sensor,
+    Shown,
+    Slider,
+    Stage,
+    SwarmModel,
+    compiled_stage,
+    value,
+)
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import check_count, check_number
 
@@ -32,61 +49,110 @@ class Boards(Part):
         self.places, self.strength, self.azimuth = places, np.zeros(len(places)), np.zeros(len(places))
         self.since, self.visits, self.written = (np.zeros(0, int) for _ in range(3))
         self.source, self.read, self.seen = np.zeros(2), np.zeros((0, 2)), np.zeros((0, 2))
+        self.total, self.discs = np.zeros(1), np.zeros((len(places) + 1, 3))
 
     def bind(self, context: Context) -> None:
-        """Take the swarm, the bounds of the map, and a random stream."""
-        self.swarm, self.rng = context.model.swarm, context.streams["boards"]
-        self.low, self.high = np.reshape(context.model.map.bounds, (2, 2))
+        """Take the model's streams, the bounds of the map, and how much of a message is left."""
+        self.context, self.kept = context, (1.0 - self.evaporation) ** FADES
+        self.low, self.high = np.reshape(context.model.map.bounds, (2, 2)).copy()
 
     def columns(self) -> dict[str, Column]:
         """Return source and boards, and of each robot what it reads, its visits, when and where the last one was."""
         places, since = Column(self.places, role="parameter"), Column(self.since, "robots", initial=NEVER)
         columns = {"places": places, "since": since}
-        columns |= {name: Column(getattr(self, name)) for name in ("source", "strength", "azimuth")}
+        columns |= {name: Column(getattr(self, name)) for name in ("source", "strength", "azimuth", "total")}
+        columns["discs"] = Column(self.discs, role="derived")
         return columns | {name: Column(getattr(self, name), "robots") for name in ("read", "seen", "visits", "written")}
 
     def stages(self) -> Iterator[Stage]:
         """Let robots read before they decide and write after they have moved; move and fade every few steps."""
-        yield Stage(Phase.EXCHANGE, self.let_read, "robots read boards")
-        yield Stage(Phase.PROCESS, self.move, "the source moves", every=self.moves)
-        yield Stage(Phase.PROCESS, self.let_write, "robots visit the source, and write on boards")
-        yield Stage(Phase.PROCESS, self.fade, "messages fade", every=FADES)
+        stage = partial(compiled_stage, self.context, self)
+        yield stage(Phase.EXCHANGE, let_read, "robots read boards")
+        for axis, way in enumerate(("east or west", "north or south")):
+            yield stage(Phase.PROCESS, move, f"the source moves {way}", every=self.moves, axis=axis)
+        yield stage(Phase.PROCESS, visit, "robots visit the source")
+        yield stage(Phase.PROCESS, let_write, "robots write on boards")
+        yield stage(Phase.PROCESS, fade, "messages fade", every=FADES)
+        yield stage(Phase.COLLECT, draw, "boards are drawn")
 
-    def move(self) -> None:
-        """Put the source at a random place."""
-        self.source[:] = self.low + (self.high - self.low) * (0.1 + 0.8 * self.rng.random(2))
-
-    def near(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows of those chosen robots that are near a board, and the board of each."""
-        away = np.hypot(*(self.swarm.position[:, None] - self.places).transpose(2, 0, 1))
-        rows = np.flatnonzero(chosen & (away.min(axis=1, initial=np.inf) < REACH))
-        return rows, away[rows].argmin(axis=1) if len(rows) else rows
-
-    def let_read(self) -> None:
-        """Let robots that search read the board within reach."""
-        rows, board = self.near(self.since > self.trust)
-        self.read[:] = 0.0
-        self.read[rows] = np.column_stack([self.strength, self.azimuth])[board]
-
-    def let_write(self) -> None:
-        """Count visits to the source; let robots that were there lately write where it lies, seen from a board."""
-        there = np.hypot(*(self.swarm.position - self.source).T) < SOURCE
-        self.visits += there & (self.since > AGAIN)
-        self.since += 1
-        self.since[there], self.seen[there] = 0, self.source
-        rows, board = self.near(self.since <= self.trust)
-        x, y = (self.seen[rows] - self.places[board]).T
-        self.azimuth[board], self.strength[board] = np.arctan2(y, x), 1.0
-        self.written[rows] += 1
-
-    def fade(self) -> None:
-        """Let a share of each message evaporate."""
-        self.strength *= (1.0 - self.evaporation) ** FADES
+    def place_source(self) -> None:
+        """Put the source at a random place, before the first step."""
+        chances = self.context.streams[self.name].random(2).tolist()
+        for axis, chance in enumerate(chances):
+            move(self.source, self.low, self.high, chance, axis)
 
     def shown(self) -> Shown:
         """Return a large disc for the source, and one of each board, as large as it is strong."""
-        discs = np.vstack([np.column_stack([self.places, 3.0 + 12.0 * np.sqrt(self.strength)]), [*self.source, SOURCE]])
-        return Shown("boards", discs, rows={"writes": self.since <= self.trust}, text=f"{self.visits.sum()} visits")
+        draw(self.places, self.strength, self.source, self.discs)
+        return Shown(
+            "boards", self.discs, rows={"writes": self.since <= self.trust}, text=f"{self.visits.sum()} visits"
+        )
+
+
+def move(source: np.ndarray, low: np.ndarray, high: np.ndarray, chance: float, axis: int) -> None:
+    """Put the source at a random place along an axis."""
+    source[axis] = low[axis] + (high[axis] - low[axis]) * (0.1 + 0.8 * chance)
+
+
+@njit
+def find_near(x: float, y: float, places: np.ndarray) -> int:
+    """Return the board within reach of a place, -1 if there is none."""
+    nearest, board = REACH, -1
+    for k in range(len(places)):
+        away = math.hypot(x - places[k, 0], y - places[k, 1])
+        if away < nearest:
+            nearest, board = away, k
+    return board
+
+
+def let_read(
+    position: np.ndarray, since: np.ndarray, places: np.ndarray, strength: np.ndarray, azimuth: np.ndarray,
+    read: np.ndarray, trust: int,
+) -> None:  # fmt: skip
+    """Let robots that search read the board within reach."""
+    for i in range(len(read)):
+        board = find_near(position[i, 0], position[i, 1], places) if since[i] > trust else -1
+        read[i, 0], read[i, 1] = (strength[board], azimuth[board]) if board >= 0 else (0.0, 0.0)
+
+
+def visit(
+    position: np.ndarray, source: np.ndarray, since: np.ndarray, visits: np.ndarray, seen: np.ndarray, total: np.ndarray
+) -> None:
+    """Count visits to the source."""
+    for i in range(len(since)):
+        there = math.hypot(position[i, 0] - source[0], position[i, 1] - source[1]) < SOURCE
+        if there and since[i] > AGAIN:
+            visits[i] += 1
+            total[0] += 1.0
+        since[i] = 0 if there else since[i] + 1
+        if there:
+            seen[i] = source
+
+
+def let_write(
+    position: np.ndarray, since: np.ndarray, seen: np.ndarray, places: np.ndarray, azimuth: np.ndarray,
+    strength: np.ndarray, written: np.ndarray, trust: int,
+) -> None:  # fmt: skip
+    """Let robots that were at the source lately write where it lies, seen from the board within reach."""
+    for i in range(len(since)):
+        board = find_near(position[i, 0], position[i, 1], places) if since[i] <= trust else -1
+        if board >= 0:
+            azimuth[board] = math.atan2(seen[i, 1] - places[board, 1], seen[i, 0] - places[board, 0])
+            strength[board] = 1.0
+            written[i] += 1
+
+
+def fade(strength: np.ndarray, kept: float) -> None:
+    """Let a share of each message evaporate."""
+    for k in range(len(strength)):
+        strength[k] *= kept
+
+
+def draw(places: np.ndarray, strength: np.ndarray, source: np.ndarray, discs: np.ndarray) -> None:
+    """Write the discs that stand for boards and source."""
+    for k in range(len(places)):
+        discs[k, 0], discs[k, 1], discs[k, 2] = places[k, 0], places[k, 1], 3.0 + 12.0 * math.sqrt(strength[k])
+    discs[-1, 0], discs[-1, 1], discs[-1, 2] = source[0], source[1], SOURCE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,14 +162,12 @@ class Sign(Sensor):
     name: str = "sign"
     width: int = 2
 
-    def arguments(self, model: SwarmModel) -> dict[str, np.ndarray]:
-        """Return what the part `boards` let each robot read."""
-        return {"message": model.parts["boards"].columns()["read"].array}
-
     @staticmethod
-    def read(rows: np.ndarray, message: np.ndarray, heading: np.ndarray, out: np.ndarray) -> None:
-        """Fill `out` (n, 2)."""
-        out[:, 0], out[:, 1] = message[rows, 0], (message[rows, 1] - heading + np.pi) % (2.0 * np.pi) - np.pi
+    def read(rows: np.ndarray, boards_read: np.ndarray, heading: np.ndarray, out: np.ndarray) -> None:
+        """Fill `out` (n, 2) with what the part `boards` let each robot read."""
+        for i in range(len(out)):
+            out[i, 0] = boards_read[rows[i], 0]
+            out[i, 1] = (boards_read[rows[i], 1] - heading[i] + np.pi) % (2.0 * np.pi) - np.pi
 
 
 @behaviour(memory={"left": 0})
@@ -120,6 +184,7 @@ class Signposts(SwarmModel):
     """Robots that look for a source, and leave messages on boards about where it lies."""
 
     compares, steps_to_compare = ("boards", (0, 6)), 2_000
+    visits = value("boards.total")  # how often robots have come to the source so far
 
     def __init__(
         self,
@@ -133,16 +198,11 @@ class Signposts(SwarmModel):
     ) -> None:
         super().__init__(map="openspace", rng=rng, model_reporters={"visits": "visits"})
         shares = (np.indices((check_count("boards", boards, maximum=50),) * 2).reshape(2, -1).T + 0.5) / max(boards, 1)
-        places = shares * (self.map.width, self.map.height) + self.map.bounds[:2]
+        places = np.ascontiguousarray(shares * (self.map.width, self.map.height) + self.map.bounds[:2])
         share, trust = check_number("evaporation", evaporation, minimum=0, maximum=1), check_count("trust", trust)
-        self.add_part(Boards(places, share, check_count("moves", moves, minimum=1), trust)).move()
+        self.add_part(Boards(places, share, check_count("moves", moves, minimum=1), trust)).place_source()
         self.add_robots(replace(AGENT9, sensors=(*AGENT9.sensors, Sign())), check_count("n_robots", n_robots))
         self.control = Subsumption(Avoid(distance=12), follow(trust=trust), Explore())
-
-    @property
-    def visits(self) -> float:
-        """How often robots have come to the source so far."""
-        return float(self.parts["boards"].columns()["visits"].array.sum())
 
     def results(self) -> dict[str, float]:
         """Return the measure used by a comparison."""

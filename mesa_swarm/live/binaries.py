@@ -22,6 +22,7 @@ from mesa_swarm.kernels.plan import drive_steps
 from mesa_swarm.live import cross_compile
 from mesa_swarm.live.draws import next_word
 from mesa_swarm.live.pickled_functions import pickle_functions
+from mesa_swarm.live.remainders import remainder_of
 from mesa_swarm.live.wasm_file import FUNCTION, imports_of, with_exports
 
 # What pages call besides kernels.
@@ -31,6 +32,7 @@ PREFIX = "k"
 # Functions of other signatures that the entries call.
 INNER: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "drive_steps": (drive_steps, (types.int64[::1], *[types.int64] * 4)),
+    "remainder_of": (remainder_of, (types.float64, types.float64)),
     "next_word": (next_word, (types.uint64[::1],)),
 }
 MODULE = "mesa_swarm.live.cross_compile"

@@ -23,7 +23,7 @@ TRIPLE = "wasm32-unknown-unknown"
 FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint,+mutable-globals"
 SPEED = 3
 # What LLVM calls where it writes the code of the processor.
-CALLED_BY_LLVM = ("__multi3",)
+CALLED_BY_LLVM = ("__multi3", "fmod")
 # Functions of Python and of its library of numbers, which only texts of errors are made with.
 STOPS = re.compile(r"Py|_Py|numba_|NRT_|log10$")
 

@@ -2,6 +2,7 @@
 ; Names in double braces are those of compiled functions.
 
 declare i32 @"{{drive_steps}}"(ptr, ptr, ptr, ptr, i64, i64, ptr, i64, i64, i64, i64, i64, i64)
+declare i32 @"{{remainder_of}}"(ptr, ptr, double, double)
 declare i32 @"{{next_word}}"(ptr, ptr, ptr, ptr, i64, i64, ptr, i64, i64)
 
 ; The code that a call returns where a function has raised an error.
@@ -206,4 +207,13 @@ define void @__multi3(ptr %result, i64 %a_low, i64 %a_high, i64 %b_low, i64 %b_h
   %at = getelementptr i8, ptr %result, i32 8
   store i64 %h3, ptr %at
   ret void
+}
+
+; What LLVM calls for the remainder of numbers.
+define double @fmod(double %x, double %y) {
+  %result = alloca double
+  %error = alloca ptr
+  %status = call i32 @"{{remainder_of}}"(ptr %result, ptr %error, double %x, double %y)
+  %number = load double, ptr %result
+  ret double %number
 }

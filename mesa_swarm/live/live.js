@@ -115,6 +115,15 @@ export class LiveModel {
     return [this.#view("f8", temperature[place], 1)[0], visitors, this.#view("b1", out + place, 1)[0]];
   }
 
+  /** Return the index of the part, x, y and radius of each disc that parts show. */
+  get shown() {
+    const rows = this.#start.shown.flatMap(([address, count], part) => {
+      const discs = this.#view("f8", address, 3 * count);
+      return Array.from({ length: count }, (_, k) => [part, ...discs.subarray(3 * k, 3 * k + 3)]);
+    });
+    return Float32Array.from(rows.flat());
+  }
+
   /** Return x, y and heading of a body that moves, by its id; null if there is none. */
   body(id) {
     const found = this.#start.moving.find(([other]) => other === id);

@@ -170,6 +170,7 @@ class LivePage:
             "fixed": {name: str(self.given[name]) for name in self.given if name not in {*self.changes, "rng"}},
             "speed": info.speed,
             "look": self._look(),
+            "radio": self._first.communication is not None,
         }
         return about, content
 

@@ -53,6 +53,7 @@ class Frames {
       value: this.#values(),
       fires: this.#fires(fires),
       loads: this.#loads(),
+      shown: this.model.start.shown.length ? this.model.shown : undefined,
       fields: this.world.fields?.map((name) => this.#picture(name)),
       contacts: new Float32Array(0),
     };
@@ -408,7 +409,7 @@ class LivePlayer {
     this.describeSettings();
     const known = new Set(world.columns.map((column) => column.name)), { sensors, fires } = this.frames.frame().counts;
     const needs = { sectors: "distance", perceived: "kind", layers: "layer", heat: "heat", messages: "heard" };
-    const idle = new Set([...(fires ? [] : ["heat", "labels"]), ...(sensors ? [] : ["sectors", "perceived"]), "contacts"]);
+    const idle = new Set([...(fires ? [] : ["heat", "labels"]), ...(sensors ? [] : ["sectors", "perceived"]), ...(about.radio ? [] : ["messages"]), "contacts"]);
     for (const { name, label, on } of togglesOf(world)) {
       if (!idle.has(name) && (!needs[name] || known.has(needs[name]))) find("toggles").append(this.toggleItem(name, label, on));
     }

@@ -162,6 +162,7 @@ def _places(
     fires = _describe_fires(model, find)
     if fires:
         places["fires"] = fires
+    places["shown"] = list(_list_shown(model, find))
     places["moving"] = list(_list_moving(model, find))
     rows = model.driving.rows
     if rows is not None:
@@ -198,6 +199,15 @@ def _describe_fires(model: Any, find: Callable[[np.ndarray], int | None]) -> dic
         "out": find(fires.own["out"]),
         "robots": find(fires.own["robots"]),
     }
+
+
+def _list_shown(model: Any, find: Callable[[np.ndarray], int | None]) -> Iterator[list[int]]:
+    """Iterate over discs that parts show and that a compiled stage keeps up to date: where they are, and how many."""
+    for part in model.parts.added():
+        shown = part.shown()
+        place = None if shown is None or shown.discs is None else find(shown.discs)
+        if place is not None:
+            yield [place, len(shown.discs)]
 
 
 def _list_moving(model: Any, find: Callable[[np.ndarray], int | None]) -> Iterator[list[Any]]:

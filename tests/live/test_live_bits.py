@@ -15,13 +15,18 @@ SEEDS, STEPS = (1, 2, 3), (0, 1, 100, 5000)
 # Models of the gallery that run on a page, with the settings of a second page, and what is changed at step 100.
 MODELS = {
     "agglomeration": ({"n_robots": 20}, {"stop_distance": 20.0}),
+    "ant_trails": ({"n_robots": 20, "ratio": 1.5}, {"leaving": 0.1}),
+    "best_of_n": ({"n_robots": 20, "rule": "voter"}, {"exploring": 100.0}),
     "boids": ({"n_robots": 30, "alignment_weight": 0.5}, {"cohesion_weight": 0.1}),
     "chain_formation": ({"n_robots": 20}, {}),
     "collision_avoidance": ({"n_robots": 30, "turn_interval": 40}, {"distance": 10.0}),
+    "cooperative_transport": ({"n_robots": 12, "load": "box"}, {"resistance": 1.0}),
     "fire_fighting": ({"strategy": "A", "n_robots": 20}, {"k1": 0.001}),
     "flocking": ({"n_robots": 20}, {}),
     "perimeter": ({"n_robots": 12}, {}),
     "q_learning": ({"n_robots": 10}, {"gamma": 0.5}),
+    "signposts": ({"n_robots": 30, "moves": 200}, {"evaporation": 0.05}),
+    "task_allocation": ({"n_robots": 20}, {"demand": 2.0}),
 }
 
 
