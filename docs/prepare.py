@@ -11,6 +11,8 @@ gallery a page, and recorded runs pages that play without a server. Then ``mkdoc
 import os
 import re
 import shutil
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import nbformat
@@ -43,6 +45,8 @@ IN_THE_APPENDIX_NOW = (
     *("deciding_constants", "differences", "fire_learning", "foresight", "learning_results", "published", "readings"),
     *("reproduction", "validation", "one_machine"),
 )
+# Kernels of live pages are compiled by this number of processes at a time.
+PROCESSES = 2
 # Former names of pages, and the pages where their contents are now.
 MOVED = {
     **{name: f"{APPENDIX}/{name}" for name in IN_THE_APPENDIX_NOW},
@@ -135,10 +139,12 @@ def _with_runs(text: str, form: str, up: str, runs: dict[str, RecordedRun], live
 def write_live_pages(folder: Path, runs: dict[str, RecordedRun]) -> set[str]:
     """Write a page of each run whose model can run on one, and return their names."""
     folder.mkdir()
-    pages = {name: page for name, run in runs.items() if (page := run.live_page())}
-    for name, page in pages.items():
+    with ProcessPoolExecutor(PROCESSES, get_context("spawn")) as pool:
+        pages = dict(zip(runs, pool.map(RecordedRun.live_page, runs.values()), strict=True))
+    live = {name: page for name, page in pages.items() if page}
+    for name, page in live.items():
         (folder / f"{name}.html").write_text(page, encoding="utf-8")
-    return set(pages)
+    return set(live)
 
 
 def _write_runs(folder: Path, runs: dict[str, RecordedRun]) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import takewhile
+from threading import RLock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,10 @@ from mesa_swarm.physics.crowd import PairArrays
 BASE = 2**18
 # Room for pairs of robots near each other: all, or this many a robot where that is less.
 PAIRS = 24
+
+
+# Blocks are noted in one place for all threads.
+ONE_AT_A_TIME = RLock()
 
 
 class Start(NamedTuple):
@@ -85,7 +90,7 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
     ExportError
         If something in its step is Python, in one line that names it.
     """
-    with clean_memory(), note_blocks() as notes:
+    with ONE_AT_A_TIME, clean_memory(), note_blocks() as notes:
         model = make()
         begin_rules(model)
         model.parts.bodies.let_roam()

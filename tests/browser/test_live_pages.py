@@ -123,6 +123,7 @@ def test_a_click_on_a_robot_explains_it(opened):
     assert "Robot" in facts
     assert "layer" in facts
     page.locator("#robot summary").click()
+    page.locator("#robot-columns dt").first.wait_for()
     assert "tendency" in page.locator("#robot-columns").inner_text()
 
 

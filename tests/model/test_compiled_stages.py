@@ -1,4 +1,4 @@
-"""Stages of a part that are functions of arrays: taken in compiled calls of many steps, with the bits of single ones."""
+"""Stages of a part that are functions of arrays: in compiled calls of many steps they have the bits of single ones."""
 
 import numpy as np
 import pytest
