@@ -11,6 +11,7 @@ from ctypes import string_at
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numba.core import event
 
 from mesa_swarm.base.errors import ExportError
 from mesa_swarm.kernels.block import Block, note_blocks
@@ -28,18 +29,45 @@ LEFT_OUT = (CrewArrays,)
 LEAST_ADDRESS, LARGEST_ADDRESS = 2**32, 2**47
 
 
+class CleanMemory(event.Listener):
+    """Lets ``np.empty`` and ``np.empty_like`` return zeros, but not while Numba compiles, which asks what they are."""
+
+    def __init__(self) -> None:
+        self._module, self._before, self._depth = cast(Any, np), (np.empty, np.empty_like), 0
+
+    def begin(self) -> None:
+        """Return zeros from now on."""
+        self._module.empty, self._module.empty_like = np.zeros, np.zeros_like
+
+    def end(self) -> None:
+        """Return what was returned before."""
+        self._module.empty, self._module.empty_like = self._before
+
+    def on_start(self, event: Any) -> None:
+        """Let what is compiled see NumPy as it is."""
+        self._depth += 1
+        self.end()
+
+    def on_end(self, event: Any) -> None:
+        """Return zeros again, when all is compiled."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.begin()
+
+
 @contextmanager
 def clean_memory() -> Iterator[None]:
     """Let ``np.empty`` and ``np.empty_like`` return zeros meanwhile.
 
     What lies in scratch by chance would be part of an image. Nothing may depend on it, so that other threads may go on.
     """
-    module, before = cast(Any, np), (np.empty, np.empty_like)
-    module.empty, module.empty_like = np.zeros, np.zeros_like
-    try:
-        yield
-    finally:
-        module.empty, module.empty_like = before
+    clean = CleanMemory()
+    with event.install_listener("numba:compile", clean):
+        clean.begin()
+        try:
+            yield
+        finally:
+            clean.end()
 
 
 class Functions:

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numba import njit
 
 from mesa_swarm.errors import ExportError
 from mesa_swarm.kernels.block import Block, KernelCall, note_blocks, stack_blocks
@@ -102,3 +103,10 @@ def test_scratch_is_zero_while_an_image_is_made_and_as_before_afterwards():
         assert not np.empty(1000).any()
         assert not np.empty_like(np.ones(1000)).any()
     assert (np.empty, np.empty_like) == before
+
+
+def test_what_is_compiled_meanwhile_has_the_functions_that_it_names():
+    with clean_memory():
+        made = njit(lambda n: np.zeros(n) + np.empty(n).size)(3)
+        assert not np.empty(1000).any()
+    assert made.tolist() == [3.0, 3.0, 3.0]
