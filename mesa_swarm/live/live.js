@@ -35,8 +35,10 @@ export class LiveModel {
   #completed = 0;
   #emptied = false;
   #set = new Map();
+  #begins = {};
+  #changes = {};
 
-  /** Begin with a module, bytes, and starts: `{ seed: { places, image, begun } }`, of which images are bytes; begun,
+  /** Begin with a module, bytes, and starts by their keys: `{ key: { places, image, begun } }`, of which images are bytes; begun,
       if it is there, is what differs in them after what Python does in the first step. */
   constructor(module, about, starts) {
     this.about = about;
@@ -63,14 +65,19 @@ export class LiveModel {
   /** How many bytes its arrays and functions take. */
   get memory() { return this.#memory.buffer.byteLength; }
 
-  /** Begin anew, with the seed of before or another one. */
-  reset({ seed = this.seed } = {}) {
-    const start = this.starts.get(Number(seed));
+  /** Begin anew, with the seed of before or another one, and with other parameters of the beginning if some are given. */
+  reset({ seed = this.seed, ...begins } = {}) {
+    for (const [name, value] of Object.entries(begins)) this.#checkBeginning(name, value);
+    const [key, wanted] = this.#keyOf(Number(seed), { ...this.#begins, ...begins }), start = this.starts.get(key);
     if (!start) {
-      const seeds = [...this.starts.keys()].join(", ");
-      throw new Error(`seed is ${seed}; this page has ${seeds}: export another page for more`);
+      const seeds = [...this.starts.keys()].filter((one) => !one.startsWith("v")).join(", ");
+      const only = wanted.length ? `; with ${wanted.map(([name, value]) => `${name} ${value}`).join(" and ")} it has ${wanted.length > 1 ? "none" : this.about.seed}` : "";
+      throw new Error(`seed is ${seed}; this page has ${seeds}${only}: export another page for more`);
     }
     this.seed = Number(seed);
+    this.key = key;
+    this.#begins = { ...this.#begins, ...begins };
+    this.#changes = start.changes ?? {};
     this.#start = start.places;
     this.#image = start.image;
     this.#begun = start.begun;
@@ -151,7 +158,8 @@ export class LiveModel {
 
   /** The parameters as they are now, by name: those that can be changed, and others. */
   get parameters() {
-    return { ...this.about.fixed, ...Object.fromEntries(this.about.parameters.map(({ name }) => [name, this.value(name)])) };
+    const begins = Object.fromEntries(this.about.begins.map(({ name, value }) => [name, this.#begins[name] ?? value]));
+    return { ...this.about.fixed, ...begins, ...Object.fromEntries(this.about.parameters.map(({ name }) => [name, this.value(name)])) };
   }
 
   /** Return what a parameter is now. */
@@ -159,6 +167,10 @@ export class LiveModel {
 
   /** Change a parameter from the next step on, as `continued` does in Python; it stays so after a reset. */
   set(name, value) {
+    if (this.about.begins.some((one) => one.name === name)) {
+      this.reset({ [name]: value });
+      return;
+    }
     const parameter = this.#described(name);
     const { options, minimum, maximum, whole, values } = parameter;
     const number = options ? value : Number(value);
@@ -173,6 +185,21 @@ export class LiveModel {
     this.#write(parameter, number);
   }
 
+  /** Return the key of a start, and the parameters that differ from those of the page. */
+  #keyOf(seed, begins) {
+    const wanted = Object.entries(begins).filter(([name, value]) => value !== this.about.begins.find((one) => one.name === name)?.value);
+    if (!wanted.length) return [String(seed), wanted];
+    const [[name, value]] = wanted, isOther = ([other, of]) => other === name && of === value;
+    const found = wanted.length === 1 && this.about.starts.find((start) => start.seed === seed && start.with && isOther(start.with));
+    return [found ? found.key : "", wanted];
+  }
+
+  #checkBeginning(name, value) {
+    const found = this.about.begins.find((one) => one.name === name);
+    if (!found) throw new Error(`${name} is not a parameter with which this page can begin; expected ${this.about.begins.map((one) => one.name).join(", ") || "none"}`);
+    if (!found.values.includes(value)) throw new Error(`${name} is ${value}; this page can begin with ${found.values.join(", ")}`);
+  }
+
   #described(name) {
     const { parameters } = this.about, found = parameters.find((parameter) => parameter.name === name);
     if (found) return found;
@@ -181,7 +208,9 @@ export class LiveModel {
     throw new Error(`${name} cannot be changed here, ${why}; those that can: ${known}`);
   }
 
-  #write({ copies, places = [], values = [], bytes = [] }, value) {
+  #write({ name, copies: usual, places: usualPlaces = [], values = [], bytes: usualBytes = [] }, value) {
+    const own = this.#changes[name], copies = own?.copies ?? usual, places = own?.places ?? usualPlaces;
+    const bytes = own ? values.map((one) => own.bytes[one]) : usualBytes;
     const memory = new DataView(this.#memory.buffer), base = this.about.base;
     for (const place of copies.f8 ?? []) memory.setFloat64(base + place, value, true);
     for (const place of copies.i8 ?? []) memory.setBigInt64(base + place, BigInt(value), true);

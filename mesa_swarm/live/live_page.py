@@ -3,12 +3,12 @@
 import json
 import os
 from base64 import b64encode
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from zlib import compress
 
 import numpy as np
@@ -19,7 +19,7 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.live.binaries import PREFIX, module_of
 from mesa_swarm.live.image import Functions
 from mesa_swarm.live.settings import Change, find_change, positions_of
-from mesa_swarm.live.starts import BASE, make_start
+from mesa_swarm.live.starts import BASE, Start, make_start
 from mesa_swarm.model.info import model_info
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.recording.continuing import continued
@@ -32,12 +32,24 @@ SEEDS = 20
 MOST_SEEDS = 1000
 # Values of a parameter that acts from the beginning of a run for which a page has a start.
 MOST_VARIANTS = 5
+# Of how many values of a slider it is tried first whether the model accepts them.
+SOME = 4
 # A page with more robots has one start: images are large.
 MOST_ROBOTS_WITH_SEEDS = 200
 # A page has no more bytes, unless a number of seeds is given.
 MOST_PAGE_BYTES = 400_000
 # Of compression.
 LEVEL = 9
+
+
+class Variant(NamedTuple):
+    """A start with another value of a parameter, and what the parameters that act in a run change in its image."""
+
+    name: str
+    value: Any
+    model: Any
+    start: Start
+    changes: dict[str, Change]
 
 
 class LivePage:
@@ -59,7 +71,6 @@ class LivePage:
         self.model_class, self.functions = type(model), Functions()
         compile_first_steps(model)
         self.given = parameters_of_run(model)
-        self.variants: list[dict[str, Any]] = []
         self.is_assembled = not can_be_made_anew(model)
         if self.is_assembled:
             own, start = make_start(lambda: deepcopy(model), self.functions)
@@ -76,6 +87,7 @@ class LivePage:
             self._first = starts[self.seed][0]
         self.starts = starts
         self.changes = {} if self.is_assembled else self._find_changes()
+        self.variants = [] if self.is_assembled else list(self._find_variants())
 
     def make(self, **changes: Any) -> Any:
         """Return a model like the one that is exported, before its first step, with other parameters."""
@@ -88,15 +100,53 @@ class LivePage:
         start, found = self.starts[self.seed][1], {}
         for name, parameter in parameters_of(self.model_class).items():
             value = self.given.get(name, parameter.default)
-            values = [other for other in positions_of(parameter) if other == value or self._is_accepted(name, other)]
+            values = self._list_accepted(name, positions_of(parameter), value)
             if len(values) < 2 or value is None:
                 continue
-            change = find_change(values, value, start, partial(self._continued_with, name), self.functions)
+            change = find_change(
+                values,
+                value,
+                start,
+                partial(continue_with_value, partial(self.make, rng=self.seed), name),
+                self.functions,
+            )
             if change is not None and (any(change.copies.values()) or change.bytes):
                 found[name] = parameter, value, values, change
         for name in overlapping({name: change for name, (*_, change) in found.items()}):
             found.pop(name, None)
         return self._apart(found)
+
+    def _find_variants(self) -> Iterator[Variant]:
+        """Iterate over starts with other values of parameters that act from the beginning of a run."""
+        for name, parameter in parameters_of(self.model_class).items():
+            if name in self.changes:
+                continue
+            for value in values_to_begin_with(parameter, self.given.get(name, parameter.default)):
+                variant = self._find_variant(name, value)
+                if variant is not None:
+                    yield variant
+
+    def _find_variant(self, name: str, value: Any) -> Variant | None:
+        """Return the start with another value; None where it is refused, or needs other functions."""
+        functions, make = self.functions.copy(), partial(self.make, rng=self.seed, **{name: value})
+        try:
+            model, start = make_start(make, functions)
+        except SwarmError:
+            return None
+        changes = {}
+        for other, (_, present, values, _) in self.changes.items():
+            again = partial(continue_with_value, make, other)
+            changes[other] = find_change(values, present, start, again, functions)
+        if functions.places != self.functions.places or None in changes.values():
+            return None
+        return Variant(name, value, model, start, changes)  # type: ignore[arg-type]
+
+    def _list_accepted(self, name: str, values: list[Any], present: Any) -> list[Any]:
+        """Return the values that the model accepts: all, if it accepts some from the least to the largest."""
+        some = values[:: max(1, len(values) // SOME)] + values[-1:]
+        if all(self._is_accepted(name, value) for value in some):
+            return values
+        return [value for value in values if value == present or self._is_accepted(name, value)]
 
     def _is_accepted(self, name: str, value: Any) -> bool:
         try:
@@ -104,9 +154,6 @@ class LivePage:
         except SwarmError:
             return False
         return True
-
-    def _continued_with(self, name: str, value: Any) -> Any:
-        return self._continued(**{name: value})
 
     def _continued(self, **changes: Any) -> Any:
         return continued(self.make(rng=self.seed), **changes)
@@ -153,7 +200,19 @@ class LivePage:
                 "places": start.places if is_own or start.places != own_places else None,
                 "world": world if is_own or world != own_world else None,
             }
-            starts.append({"seed": seed, "differs": differs, "begins": bool(start.begun), **facts})
+            starts.append({"seed": seed, "key": f"{seed}", "differs": differs, "begins": bool(start.begun), **facts})
+        for number, variant in enumerate(self.variants):
+            content[f"start-v{number}"] = variant.start.image.content
+            if variant.start.begun:
+                content[f"begun-v{number}"] = difference(variant.start.begun, variant.start.image.content)
+            about_variant: dict[str, Any] = {
+                "with": [variant.name, variant.value],
+                "places": variant.start.places,
+                "world": scene_of(variant.model).world(),
+                "changes": {name: change._asdict() for name, change in variant.changes.items()},
+            }
+            key, begins = f"v{number}", bool(variant.start.begun)
+            starts.append({"seed": self.seed, "key": key, "begins": begins, **about_variant})
         info = model_info(self.model_class)
         about = {
             "title": title_of(info.name),
@@ -167,6 +226,7 @@ class LivePage:
             },
             "starts": starts,
             "parameters": [self._described(*facts) for facts in self.changes.values()],
+            "begins": list_beginnings(starts, self.given, parameters_of(self.model_class)),
             "fixed": {name: str(self.given[name]) for name in self.given if name not in {*self.changes, "rng"}},
             "speed": info.speed,
             "look": self._look(),
@@ -180,12 +240,13 @@ class LivePage:
         texts = {name: b64encode(compress(piece, LEVEL)).decode() for name, piece in content.items()}
         length = len(live_text(about, {})) + len(texts["module"])
         for place, start in enumerate(about["starts"]):
-            names = [name for name in (f"start-{start['seed']}", f"begun-{start['seed']}") if name in texts]
+            names = [name for name in (f"start-{start['key']}", f"begun-{start['key']}") if name in texts]
             length += sum(len(texts[name]) for name in names)
             if most is not None and place and length > most:
                 about["starts"] = about["starts"][:place]
                 break
-        kept = {"module", *(f"{kind}-{start['seed']}" for start in about["starts"] for kind in ("start", "begun"))}
+        kept = {"module", *(f"{kind}-{start['key']}" for start in about["starts"] for kind in ("start", "begun"))}
+        about["begins"] = list_beginnings(about["starts"], self.given, parameters_of(self.model_class))
         return live_text(about, {name: text for name, text in texts.items() if name in kept})
 
     def _look(self) -> dict[str, Any] | None:
@@ -204,6 +265,46 @@ class LivePage:
         elif isinstance(control, Choice):
             described |= {"options": list(change.bytes)}
         return described
+
+
+def values_to_begin_with(parameter: Parameter, present: Any) -> list[Any]:
+    """Return some values of a parameter besides the present one: all of a choice, a few whole numbers of a slider.
+
+    Examples
+    --------
+    >>> values_to_begin_with(Parameter("n", 10, int, Slider(1, 50, 1)), 10)
+    [1, 5, 20, 50]
+    """
+    control = parameter.control
+    if isinstance(control, Choice):
+        return [option for option in control.options if option != present][:MOST_VARIANTS]
+    if not isinstance(control, Slider) or parameter.kind is not int or not isinstance(present, int):
+        return []
+    values = [control.minimum, present // 2, 2 * present, control.maximum]
+    within = {int(value) for value in values if control.minimum <= value <= control.maximum} - {present}
+    return sorted(within)[:MOST_VARIANTS]
+
+
+def list_beginnings(starts: list[dict], given: Mapping[str, Any], known: Mapping[str, Parameter]) -> list[dict]:
+    """Return the parameters with which a page can begin, each with its values, the present one among them."""
+    found: dict[str, list[Any]] = {}
+    for start in starts:
+        if "with" in start:
+            name, value = start["with"]
+            found.setdefault(name, [given[name]]).append(value)
+    return [
+        {"name": name, "help": known[name].help, "value": given[name], "values": sorted(values, key=_order)}
+        for name, values in found.items()
+    ]
+
+
+def _order(value: Any) -> tuple[bool, Any]:
+    return isinstance(value, str), value
+
+
+def continue_with_value(make: Callable[[], Any], name: str, value: Any) -> Any:
+    """Return a model that continues one before its first step with another value of a parameter."""
+    return continued(make(), **{name: value})
 
 
 def compile_first_steps(model: Any) -> None:

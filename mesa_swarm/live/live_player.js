@@ -138,20 +138,31 @@ class LivePlayer {
     this.restore();
   }
 
-  get world() { return this.worlds.get(this.model.seed); }
+  get world() { return this.worlds.get(this.model.key); }
 
   /** Begin anew. */
-  reset(seed = this.model.seed) {
+  reset(wanted = {}) {
     const before = this.world;
-    this.model.reset({ seed });
+    this.model.reset(wanted);
     if (this.world !== before) this.stage.world = this.world;
     this.frames = new Frames(this.model, this.world);
     this.#points = [];
-    find("seed").value = String(seed);
+    find("seed").value = String(this.model.seed);
     find("over").hidden = true;
     find("hash").textContent = "";
     this.remember();
     this.show(true);
+  }
+
+  /** Begin anew with another seed or another parameter of the beginning. */
+  begin(wanted) {
+    try {
+      this.reset(wanted);
+    } catch (error) {
+      this.complain(error);
+    }
+    this.showSettings();
+    find("seed").value = String(this.model.seed);
   }
 
   /** Take steps and draw them. */
@@ -263,6 +274,8 @@ class LivePlayer {
   }
 
   showSettings() {
+    const now = this.model.parameters;
+    for (const { name } of this.about.begins) find(`set-${name}`).value = String(now[name]);
     for (const { name } of this.about.parameters) {
       const value = this.model.value(name), control = find(`set-${name}`);
       control.value = String(value);
@@ -276,9 +289,8 @@ class LivePlayer {
     if (EMBEDDED) return;
     const settings = new URLSearchParams();
     if (this.model.seed !== this.about.seed) settings.set("seed", this.model.seed);
-    for (const { name, value } of this.about.parameters) {
-      if (this.model.value(name) !== value) settings.set(name, this.model.value(name));
-    }
+    const now = this.model.parameters;
+    for (const { name, value } of [...this.about.begins, ...this.about.parameters]) if (now[name] !== value) settings.set(name, now[name]);
     const text = settings.toString();
     try {
       history.replaceState(null, "", text ? `#${text}` : location.pathname + location.search);
@@ -289,14 +301,16 @@ class LivePlayer {
     for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
       if (name === "embedded") continue;
       try {
+        const begins = this.about.begins.find((one) => one.name === name);
         if (name === "seed") this.model.reset({ seed: Number(text) });
+        else if (begins) this.model.reset({ [name]: typeof begins.value === "string" ? text : Number(text) });
         else this.model.set(name, this.about.parameters.find((one) => one.name === name)?.options ? text : Number(text));
       } catch (error) {
         this.complain(error);
       }
     }
     this.showSettings();
-    this.reset(this.model.seed);
+    this.reset();
   }
 
   /** Show the progress, at once or now and then. */
@@ -404,7 +418,7 @@ class LivePlayer {
     find("model").textContent = title;
     fill(find("facts"), { map: world.map, robots: this.model.start.robots, ...about.fixed });
     find("world").setAttribute("aria-label", `The world of ${title}, drawn to scale`);
-    find("seed").replaceChildren(...about.starts.map(({ seed }) => make("option", { value: String(seed) }, String(seed))));
+    find("seed").replaceChildren(...about.starts.filter((start) => !start.with).map(({ seed }) => make("option", { value: String(seed) }, String(seed))));
     this.describeReadings();
     this.describeSettings();
     const known = new Set(world.columns.map((column) => column.name)), { sensors, fires } = this.frames.frame().counts;
@@ -434,8 +448,9 @@ class LivePlayer {
   }
 
   describeSettings() {
-    const { parameters } = this.about;
-    find("sliders").hidden = !parameters.length;
+    const { begins, parameters } = this.about;
+    find("sliders").hidden = !parameters.length && !begins.length;
+    for (const parameter of begins) find("settings").append(this.beginningOf(parameter));
     for (const parameter of parameters) find("settings").append(parameter.options ? this.choiceOf(parameter) : this.sliderOf(parameter));
   }
 
@@ -443,6 +458,13 @@ class LivePlayer {
     const select = make("select", { id: `set-${name}`, change: ({ target }) => this.change(name, target.value) });
     select.append(...options.map((option) => make("option", { value: option }, option)));
     return make("label", {}, make("span", {}, inWords(name)), select, make("small", {}, help));
+  }
+
+  beginningOf({ name, help, value, values }) {
+    const change = ({ target }) => this.begin({ [name]: typeof value === "string" ? target.value : Number(target.value) });
+    const select = make("select", { id: `set-${name}`, change });
+    select.append(...values.map((one) => make("option", { value: String(one) }, String(one))));
+    return make("label", {}, make("span", {}, inWords(name)), select, make("small", {}, `${help}; begins anew`));
   }
 
   sliderOf({ name, help, minimum, maximum, step, values }) {
@@ -488,7 +510,7 @@ class LivePlayer {
     };
     for (const [id, act] of Object.entries(actions)) find(id).addEventListener("click", act);
     find("full").hidden = !document.fullscreenEnabled;
-    find("seed").addEventListener("change", ({ target }) => this.reset(Number(target.value)));
+    find("seed").addEventListener("change", ({ target }) => this.begin({ seed: Number(target.value) }));
     find("speed").addEventListener("input", ({ target }) => this.setSpeed(Number(target.value)));
     find("robot").addEventListener("toggle", () => this.showRobot(), true);
     document.addEventListener("click", (event) => event.detail && event.target.closest?.("button, label")?.blur());
@@ -548,12 +570,12 @@ function nearest({ distance, kind, counts }, row, kinds) {
 
 /** Return the model of the page, and the world of each of its starts. */
 async function load(about) {
-  const content = async (name) => inflatedText(find(name).textContent), first = about.starts.find(({ seed }) => seed === about.seed);
-  const own = await content(`start-${about.seed}`), starts = new Map(), worlds = new Map();
-  for (const { seed, differs, begins, places, world } of about.starts) {
-    const bytes = seed === about.seed ? own : await content(`start-${seed}`);
-    starts.set(seed, { places: places ?? first.places, image: differs ? added(bytes, own) : bytes, begun: begins ? await content(`begun-${seed}`) : undefined });
-    worlds.set(seed, world ?? first.world);
+  const content = async (name) => inflatedText(find(name).textContent), first = about.starts[0];
+  const own = await content(`start-${first.key}`), starts = new Map(), worlds = new Map();
+  for (const { key, differs, begins, places, world, changes } of about.starts) {
+    const bytes = key === first.key ? own : await content(`start-${key}`);
+    starts.set(key, { changes, places: places ?? first.places, image: differs ? added(bytes, own) : bytes, begun: begins ? await content(`begun-${key}`) : undefined });
+    worlds.set(key, world ?? first.world);
   }
   return [new LiveModel(await content("module"), about, starts), worlds];
 }
@@ -563,8 +585,13 @@ async function start() {
   Object.assign(swarm, {
     step: (count = 1) => player.step(count),
     column: (name) => model.column(name),
-    set: (name, value) => { model.set(name, value); player.showSettings(); player.remember(); },
-    reset: ({ seed = model.seed } = {}) => player.reset(seed),
+    set: (name, value) => {
+      if (about.begins.some((one) => one.name === name)) player.reset({ [name]: value });
+      else model.set(name, value);
+      player.showSettings();
+      player.remember();
+    },
+    reset: (wanted = {}) => player.reset(wanted),
     move: (row, x, y) => player.put(row, x, y),
     hash: () => model.hash(),
   });

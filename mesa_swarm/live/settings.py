@@ -16,8 +16,8 @@ from mesa_swarm.live.image import Functions
 from mesa_swarm.live.starts import Start, make_start
 from mesa_swarm.model.parameters import Choice, Parameter, Slider
 
-# The most positions of a slider whose bytes are stored, and the most bytes of each.
-MOST_POSITIONS, MOST_BYTES = 101, 4096
+# The most positions of a slider, the most whose bytes are stored, and the most bytes of each.
+MOST_POSITIONS, MOST_STORED, MOST_BYTES = 101, 21, 4096
 REAL, WHOLE = "f8", "i8"
 FORMS = {REAL: "<d", WHOLE: "<q"}
 
@@ -144,7 +144,9 @@ def _tabulate(
     explained: np.ndarray,
 ) -> Change | None:
     """Return a change with the bytes of each position."""
-    contents = {other: content_for(other) for other in others}
+    stride = -(-len(others) // MOST_STORED)
+    stored = others if isinstance(value, str) else [*others[::stride], *others[-1:]]
+    contents = {other: content_for(other) for other in dict.fromkeys(stored)}
     known = {other: content for other, content in contents.items() if content is not None}
     differs = np.zeros(len(base), bool)
     for content in known.values():
@@ -153,4 +155,5 @@ def _tabulate(
     if len(places) > MOST_BYTES:
         return None
     rows = {other: content[places].tolist() for other, content in known.items()}
-    return Change(copies, places.tolist(), {value: base[places].tolist(), **rows})
+    bytes_of_values = {value: base[places].tolist(), **rows}
+    return Change(copies, places.tolist(), bytes_of_values)

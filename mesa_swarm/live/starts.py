@@ -16,11 +16,12 @@ from mesa_swarm.learning.learner import LearningLayer
 from mesa_swarm.live.edits import Hand, put_robot
 from mesa_swarm.live.fingerprint import Fingerprint, digest_pieces
 from mesa_swarm.live.image import Functions, Image, clean_memory
-from mesa_swarm.model.driving import ENGINE_MODEL, driver_of, kernels_of_stages
+from mesa_swarm.model.driving import ENGINE_MODEL, driver_of, kernels_of_stages, measure_in_place
 from mesa_swarm.physics.crowd import PairArrays
 
 # The address of images: below are constants of functions, and their stack.
 BASE = 2**18
+CURE = "write it as functions of arrays: @process, read of a sensor, compiled_stage of a part, stops, measures"
 # Room for pairs of robots near each other: all, or this many a robot where that is less.
 PAIRS = 24
 
@@ -71,6 +72,9 @@ def list_obstacles(model: Any) -> Iterator[str]:
     for part, stage in model.plan.stages:
         if stage.kernel is None:
             yield f"{stage.name} ({part}) in Python{f': {stage.python}' if stage.python else ''}"
+    for condition in type(model).conditions:
+        if measure_in_place(model, condition.of) is None:
+            yield f"stops by {condition.of}, a property in Python"
     yield from list_rules_in_python(model)
 
 
@@ -100,7 +104,8 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         model.parts.replan()
         obstacles = list(list_obstacles(model))
         if obstacles:
-            raise ExportError(f"{type(model).__name__} cannot run on a page: {'; '.join(dict.fromkeys(obstacles))}")
+            reasons = "; ".join(dict.fromkeys(obstacles))
+            raise ExportError(f"{type(model).__name__} cannot run on a page: {reasons}; {CURE}")
         driver, sensing = driver_of(model, model.parts.plan, ()), kernels_of_stages(model.parts.plan)[0][0]
         fingerprint = Fingerprint(model)
         streams = [stream for _, stream in model.streams.items()]

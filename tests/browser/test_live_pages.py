@@ -102,7 +102,8 @@ def test_the_address_holds_seed_and_parameters(opened):
     ("#seed=77", "seed is 77; this page has 1, 2, 3"),
     ("#k1=5", "k1 is 5; expected a number from 0.0001 to 0.003"),
     ("#strategy=C", "strategy is C; expected"),
-    ("#n_robots=3", "it acts from the beginning of a run"),
+    ("#n_robots=3", "n_robots is 3; this page can begin with 1, 5, 10, 20, 50"),
+    ("#communication=state", "it acts from the beginning of a run"),
     ("#nonsense=3", "there is no such parameter"),
 ])  # fmt: skip
 def test_what_an_address_asks_in_vain_is_reported(opened, address, complaint):
@@ -163,3 +164,13 @@ def test_a_model_with_radio_and_own_sensors_ends_as_in_python(tmp_path, opened):
 
 def test_a_page_has_no_more_than_400_kb_with_twenty_seeds_of_fifty_robots():
     assert len(LivePage(FireFighting(n_robots=50, rng=1)).text()) < 400_000
+
+
+def test_it_begins_with_another_number_of_robots(opened):
+    page = opened("#n_robots=20")
+    assert page.evaluate("swarm.parameters.n_robots") == 20
+    assert run_to(page, 300) == [300, FireFighting(n_robots=20, rng=1).run(300).state_hash()]
+    page.locator("#set-n_robots").select_option("5")
+    assert page.evaluate("[swarm.steps, swarm.parameters.n_robots]") == [0, 5]
+    assert run_to(page, 300) == [300, FireFighting(n_robots=5, rng=1).run(300).state_hash()]
+    assert "n_robots=5" in page.evaluate("location.hash")

@@ -68,6 +68,28 @@ def test_pictures_are_of_the_step_that_is_looked_at(desk):
 
 
 @pytest.mark.slow
+def test_a_page_that_runs_the_model_begins_with_the_settings_of_the_run():
+    session, made = Session("fire_fighting", {"n_robots": 4}, steps=3), {}
+    exporting = session.companion(Exporting)
+    exporting.changed.add(lambda: made.update(exporting.take_files()))
+    make(exporting, kind="live")
+    assert (exporting.fault, exporting.message) == ("", "fire_fighting.html is ready.")
+    page = made["fire_fighting.html"].read_text(encoding="utf-8")
+    session.close()
+    assert '"robots":4,' in page
+    assert "LiveModel" in page
+
+
+@pytest.mark.slow
+def test_a_model_that_cannot_run_on_a_page_is_refused_beside_the_button():
+    session = Session("foraging", steps=3)
+    exporting = session.companion(Exporting)
+    make(exporting, kind="live")
+    assert exporting.fault.startswith("Foraging cannot run on a page: robots read their sensors")
+    session.close()
+
+
+@pytest.mark.slow
 def test_a_table_is_made_by_a_process_of_its_own(desk):
     make(desk, kind="fires.csv", every=10)
     assert desk.fault == ""

@@ -1,11 +1,13 @@
 """A model on its page has the bits that it has in Python."""
 
+import re
 from functools import cache
 
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
+from mesa_swarm.errors import ExportError
 from mesa_swarm.live.live_page import LivePage
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording.continuing import continued
@@ -135,3 +137,38 @@ def test_a_robot_that_is_moved_on_the_page_is_where_its_handle_puts_it_in_python
     return [found, model.hash()];
     """
     assert ask_node(page_of("fire_fighting")[1], body, tmp_path) == [[True, False, False], model.run(100).state_hash()]
+
+
+def test_a_page_begins_with_other_numbers_of_robots_and_its_sliders_act_on_them(tmp_path):
+    model_class, page = page_of("fire_fighting")
+    (robots,) = {variant.value for variant in page.variants if variant.name == "n_robots"} & {20}
+    body = f'model.reset({{ n_robots: {robots} }}); model.step(100); model.set("k1", 0.001); model.step(200);'
+    expected = continued(model_class(rng=1, n_robots=robots).run(100), k1=0.001).run(200)
+    assert ask_node(page, f"{body} return [model.start.robots, model.hash()]", tmp_path) == [20, expected.state_hash()]
+
+
+def test_what_a_page_cannot_begin_with_is_refused_and_the_run_goes_on(tmp_path):
+    body = """
+    model.step(10);
+    const complaint = (wanted) => { try { model.reset(wanted); } catch (error) { return error.message; } return ""; };
+    const found = [{ n_robots: 7 }, { nonsense: 1 }, { seed: 2, n_robots: 20 }, { seed: 99 }].map(complaint);
+    return [...found, model.steps];
+    """
+    few, unknown, both, seed, steps = ask_node(page_of("fire_fighting")[1], body, tmp_path)
+    assert few == "n_robots is 7; this page can begin with 1, 5, 10, 20, 50"
+    assert unknown == "nonsense is not a parameter with which this page can begin; expected n_robots"
+    assert both == "seed is 2; this page has 1, 2, 3; with n_robots 20 it has 1: export another page for more"
+    assert seed == "seed is 99; this page has 1, 2, 3: export another page for more"
+    assert steps == 10
+
+
+@pytest.mark.parametrize(("name", "reason"), [
+    ("foraging", "robots read their sensors (robots) in Python: carried, need"),
+    ("shepherding", "stops by is_home, a property in Python"),
+    ("learning_fires", "end_round takes place (processes) in Python"),
+])  # fmt: skip
+def test_what_is_python_in_a_step_is_refused_in_one_line_that_names_it(name, reason):
+    with pytest.raises(ExportError, match=re.escape(reason)) as caught:
+        LivePage(find_model(name)(rng=1), ())
+    assert "\n" not in str(caught.value)
+    assert "@process" in str(caught.value)

@@ -16,11 +16,11 @@ SCRIPT = """
 import {{ LiveModel, added }} from {module};
 import {{ readFileSync }} from "fs";
 const page = JSON.parse(readFileSync(process.argv[2])), bytes = (text) => new Uint8Array(Buffer.from(text, "base64"));
-const first = page.about.starts[0], own = bytes(page.content[`start-${{first.seed}}`]), starts = new Map();
-for (const {{ seed, differs, begins, places }} of page.about.starts) {{
-  const content = bytes(page.content[`start-${{seed}}`]);
-  const begun = begins ? bytes(page.content[`begun-${{seed}}`]) : undefined;
-  starts.set(seed, {{ places: places ?? first.places, image: differs ? added(content, own) : content, begun }});
+const first = page.about.starts[0], own = bytes(page.content[`start-${{first.key}}`]), starts = new Map();
+for (const {{ key, differs, begins, places, changes }} of page.about.starts) {{
+  const content = bytes(page.content[`start-${{key}}`]);
+  const begun = begins ? bytes(page.content[`begun-${{key}}`]) : undefined;
+  starts.set(key, {{ changes, places: places ?? first.places, image: differs ? added(content, own) : content, begun }});
 }}
 const model = new LiveModel(bytes(page.content.module), page.about, starts);
 const answer = (() => {{ {body} }})();
