@@ -31,11 +31,11 @@ def remainder_of(x, y):
     for _ in range(exponent - least):
         whole = (whole - divisor if whole >= divisor else whole) << ONE
     whole = whole - divisor if whole >= divisor else whole
-    return math.copysign(scaled(whole, least), x)
+    return math.copysign(number_of_fraction(whole, least), x)
 
 
 @compiled
-def scaled(whole, exponent):
+def number_of_fraction(whole, exponent):
     """Return a number of this fraction, below twice the hidden bit, and this exponent."""
     if whole == 0:
         return 0.0

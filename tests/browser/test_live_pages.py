@@ -72,7 +72,7 @@ def test_it_plays_pauses_takes_steps_and_begins_anew(opened):
     assert page.locator("#step").text_content() == "0"
 
 
-def test_a_run_that_ends_says_so_and_begins_again(opened):
+def test_a_run_that_ends_is_reported_and_begins_again(opened):
     page = opened()
     page.evaluate("swarm.ready.then(() => swarm.step(5000))")
     assert "The run has ended at step 1,596." in page.locator("#over").text_content()
