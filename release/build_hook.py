@@ -40,7 +40,10 @@ print(json.dumps({level: settings_for(level) for level in list_levels()}))
 """
 COMPILE_ALL = """
 from mesa_swarm.experiments.warm_up import warm_up
-print(warm_up().folder)
+from mesa_swarm.live.live_page import compile_pages
+folder = warm_up().folder
+compile_pages()
+print(folder)
 """
 
 

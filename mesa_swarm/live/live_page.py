@@ -4,6 +4,7 @@ import json
 import os
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from copy import deepcopy
 from functools import partial
 from itertools import combinations
@@ -20,6 +21,7 @@ from mesa_swarm.live.binaries import PREFIX, module_of
 from mesa_swarm.live.image import Functions
 from mesa_swarm.live.settings import Change, find_change, positions_of
 from mesa_swarm.live.starts import BASE, Start, make_start
+from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.model.info import model_info
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.recording.continuing import continued
@@ -311,6 +313,22 @@ def compile_first_steps(model: Any) -> None:
     """Let what is compiled in a first step be compiled: rules, above all."""
     same = deepcopy(model)
     same.run(2)
+
+
+def compile_pages(names: Iterable[str] | None = None) -> list[str]:
+    """Compile and store what pages of models of the gallery need, and return the names of those that can be pages.
+
+    Parameters
+    ----------
+    names : iterable of str, optional
+        By default all models.
+    """
+    able = []
+    for name in gallery_names() if names is None else names:
+        with suppress(ExportError):  # something in a step is Python
+            LivePage(find_model(name)(rng=1), ()).parts()
+            able.append(name)
+    return able
 
 
 def can_be_made_anew(model: Any) -> bool:

@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import ExportError
-from mesa_swarm.live.live_page import LivePage
+from mesa_swarm.live.live_page import LivePage, compile_pages
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording.continuing import continued
 from support.live_pages import ask_node, hashes_in_node, hashes_in_python
@@ -172,3 +172,7 @@ def test_what_is_python_in_a_step_is_refused_in_one_line_that_names_it(name, rea
         LivePage(find_model(name)(rng=1), ())
     assert "\n" not in str(caught.value)
     assert "@process" in str(caught.value)
+
+
+def test_pages_of_the_gallery_are_compiled_at_once_but_for_those_that_have_python():
+    assert compile_pages(["fire_fighting", "foraging"]) == ["fire_fighting"]
