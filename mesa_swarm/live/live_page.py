@@ -4,10 +4,11 @@ import json
 import os
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
 from functools import partial
 from itertools import combinations
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 from zlib import compress
@@ -24,6 +25,7 @@ from mesa_swarm.live.starts import BASE, Start, make_start
 from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.model.info import model_info
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
+from mesa_swarm.physics.threads import count_processors
 from mesa_swarm.recording.continuing import continued
 from mesa_swarm.recording.provenance import parameters_of_run
 from mesa_swarm.viewing import palette, text_of
@@ -318,17 +320,25 @@ def compile_first_steps(model: Any) -> None:
 def compile_pages(names: Iterable[str] | None = None) -> list[str]:
     """Compile and store what pages of models of the gallery need, and return the names of those that can be pages.
 
+    A process for each processor works on them.
+
     Parameters
     ----------
     names : iterable of str, optional
         By default all models.
     """
-    able = []
-    for name in gallery_names() if names is None else names:
-        with suppress(ExportError):  # something in a step is Python
-            LivePage(find_model(name)(rng=1), ()).parts()
-            able.append(name)
-    return able
+    wanted = list(gallery_names() if names is None else names)
+    with ProcessPoolExecutor(min(count_processors(), len(wanted)), get_context("spawn")) as pool:
+        return [name for name, able in zip(wanted, pool.map(is_able, wanted), strict=True) if able]
+
+
+def is_able(name: str) -> bool:
+    """Compile and store what the page of a model of the gallery needs, and return whether it can be a page."""
+    try:
+        LivePage(find_model(name)(rng=1), ()).parts()
+    except ExportError:  # something in a step is Python
+        return False
+    return True
 
 
 def can_be_made_anew(model: Any) -> bool:
