@@ -42,6 +42,8 @@ SOME = 4
 MOST_ROBOTS_WITH_SEEDS = 200
 # A page has no more bytes, unless a number of seeds is given.
 MOST_PAGE_BYTES = 400_000
+# Of a parameter that a page shows but cannot change, characters.
+LONGEST_VALUE = 60
 # Of compression.
 LEVEL = 9
 
@@ -223,6 +225,7 @@ class LivePage:
             "base": BASE,
             "seed": self.seed,
             "steps": self._first.completed,
+            "assembled": self.is_assembled,
             "functions": max(self.functions.places.values()),
             "table": {
                 function if isinstance(function, str) else f"{PREFIX}{place}": place
@@ -231,7 +234,11 @@ class LivePage:
             "starts": starts,
             "parameters": [self._described(*facts) for facts in self.changes.values()],
             "begins": list_beginnings(starts, self.given, parameters_of(self.model_class)),
-            "fixed": {name: str(self.given[name]) for name in self.given if name not in {*self.changes, "rng"}},
+            "fixed": {
+                name: f"{self.given[name]!s:.{LONGEST_VALUE}}"
+                for name in self.given
+                if name not in {*self.changes, "rng"}
+            },
             "speed": info.speed,
             "look": self._look(),
             "radio": self._first.communication is not None,

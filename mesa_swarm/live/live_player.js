@@ -418,7 +418,7 @@ class LivePlayer {
     find("model").textContent = title;
     fill(find("facts"), { map: world.map, robots: this.model.start.robots, ...about.fixed });
     find("world").setAttribute("aria-label", `The world of ${title}, drawn to scale`);
-    find("seed").replaceChildren(...about.starts.filter((start) => !start.with).map(({ seed }) => make("option", { value: String(seed) }, String(seed))));
+    find("seed").replaceChildren(...about.starts.filter((start) => !start.with).map(({ seed }) => make("option", { value: String(seed) }, about.assembled ? "own" : String(seed))));
     this.describeReadings();
     this.describeSettings();
     const known = new Set(world.columns.map((column) => column.name)), { sensors, fires } = this.frames.frame().counts;
