@@ -72,6 +72,9 @@ def list_obstacles(model: Any) -> Iterator[str]:
     for part, stage in model.plan.stages:
         if stage.kernel is None:
             yield f"{stage.name} ({part}) in Python{f': {stage.python}' if stage.python else ''}"
+    for process in model.parts.processes.numbered.values():
+        if getattr(process, "events", ()):
+            yield f"process {process.__name__} reports events, which pages do not keep"
     for condition in type(model).conditions:
         if measure_in_place(model, condition.of) is None:
             yield f"stops by {condition.of}, a property in Python"

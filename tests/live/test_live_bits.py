@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm import AGENT9, SwarmModel, process
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import ExportError
 from mesa_swarm.live.live_page import LivePage, compile_pages
@@ -176,3 +176,15 @@ def test_what_is_python_in_a_step_is_refused_in_one_line_that_names_it(name, rea
 
 def test_pages_of_the_gallery_are_compiled_at_once_but_for_those_that_have_python():
     assert compile_pages(["fire_fighting", "foraging"]) == ["fire_fighting"]
+
+
+@process(events=("passed",))
+def report(passed):
+    passed[0] = 1.0
+
+
+def test_events_are_refused_since_pages_do_not_keep_them():
+    model = assembled(1)
+    model.add_process(report)
+    with pytest.raises(ExportError, match="process report reports events, which pages do not keep"):
+        LivePage(model, ())
