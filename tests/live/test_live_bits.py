@@ -6,7 +6,19 @@ from functools import cache
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, process
-from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
+from mesa_swarm.control import (
+    PASS,
+    Avoid,
+    Chance,
+    Explore,
+    Halt,
+    Seen,
+    StateMachine,
+    Subsumption,
+    Team,
+    Transition,
+    behaviour,
+)
 from mesa_swarm.errors import ExportError
 from mesa_swarm.live.live_page import LivePage, compile_pages
 from mesa_swarm.model.gallery import find_model
@@ -188,3 +200,32 @@ def test_events_are_refused_since_pages_do_not_keep_them():
     model.add_process(report)
     with pytest.raises(ExportError, match="process report reports events, which pages do not keep"):
         LivePage(model, ())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "settings"), [
+    ("fire_fighting", {"noise": 0.1, "slip": 0.1, "n_robots": 12}),
+    ("collision_avoidance", {"imperfections": 1.0, "n_robots": 12}),
+], ids=str)  # fmt: skip
+def test_errors_of_sensors_wheels_and_batteries_are_those_of_python(name, settings, tmp_path):
+    check_page(name, settings, (1, 3), tmp_path)
+
+
+@pytest.mark.slow
+def test_teams_and_state_machines_decide_as_in_python(tmp_path):
+    def team():
+        model = SwarmModel(map="sparse", rng=3)
+        model.add_robots(AGENT9, 6, group="patient")
+        model.add_robots(AGENT9, 6, group="busy")
+        leaving = Transition(source="stay", target="search", condition=Chance(probability=0.05))
+        resting = Transition(source="search", target="stay", condition=Seen(kind="robot", within=15))
+        states = {"search": (Avoid(distance=12), Explore(turn_interval=20)), "stay": Halt()}
+        patient = StateMachine(states=states, transitions=[resting, leaving])
+        model.control = Team({"patient": patient, "busy": Subsumption(Avoid(distance=15), Explore(turn_interval=15))})
+        return model
+
+    steps = (0, 1, 100, 3000)
+    body = (
+        f"return {list(steps)}.map((step) => {{ model.step(step - model.steps); return [model.steps, model.hash()]; }})"
+    )
+    assert ask_node(LivePage(team(), ()), body, tmp_path) == hashes_in_python(team(), steps)
