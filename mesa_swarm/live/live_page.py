@@ -16,7 +16,7 @@ from zlib import compress
 import numpy as np
 
 from mesa_swarm.base.errors import ExportError, InvalidValueError, SwarmError, check_count, shortened
-from mesa_swarm.base.files import draft_of
+from mesa_swarm.base.files import check_writable, draft_of, show_path
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.live.binaries import PREFIX, module_of
 from mesa_swarm.live.image import Functions
@@ -453,6 +453,18 @@ def live_text(about: dict[str, Any], texts: Mapping[str, str]) -> str:
     return page
 
 
+def check_target(path: Path, overwrite: bool) -> None:
+    """Refuse a file that is there already, and a folder that is not, or cannot be written to."""
+    if os.path.lexists(path) and not overwrite:
+        raise ExportError(
+            f"{show_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
+        )
+    if not path.parent.is_dir():
+        folder = show_path(path.parent)
+        raise ExportError(f"folder {folder} does not exist; make it first, or choose another place")
+    check_writable(path.parent)
+
+
 def export(
     model: Any,
     path: str | os.PathLike[str],
@@ -505,8 +517,7 @@ def export(
     target = Path(path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise InvalidValueError(f"path is {shortened(str(path))}; expected a .html file")
-    if os.path.lexists(target) and not overwrite:
-        raise ExportError(f"{target} exists already; choose another name, or replace it with overwrite=True (--force)")
+    check_target(target, overwrite)
     count = SEEDS if seeds is None else check_count("seeds", seeds, maximum=MOST_SEEDS)
     page = LivePage(model, range(1, count + 1), progress)
     with draft_of(target, ExportError) as draft:
