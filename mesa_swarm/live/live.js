@@ -5,6 +5,8 @@ const PAGE = 65536;
 const SPARE = 2 * 1024 * 1024;
 const STACK = 2 ** 18 - 64;
 const MOST_STEPS = 1000;
+// Of measures, after which every second one is kept.
+const MOST_ROWS = 20000;
 const [TAKEN, , CODE] = [0, 1, 2];
 const RAISED = -2147483648;
 const VIEWS = {
@@ -87,7 +89,8 @@ export class LiveModel {
     this.#completed = this.about.steps;
     this.#emptied = false;
     const { rows } = this.#start;
-    this.series = { steps: [], values: rows ? rows.names.map(() => []) : [] };
+    const names = rows?.names ?? [];
+    this.series = { every: 1, steps: [], values: names.map(() => []), last: names.map(() => undefined) };
     this.#sense();
   }
 
@@ -262,6 +265,15 @@ export class LiveModel {
     throw new Error(`step ${step} cannot be taken here: ${what}; run the model in Python to see why`);
   }
 
+  /** Keep every second row from now on: a run may last for hours. */
+  #thin() {
+    const { series } = this;
+    series.every *= 2;
+    const kept = series.steps.map((step) => step % series.every === 0), keep = (list) => list.filter((_, row) => kept[row]);
+    series.steps = keep(series.steps);
+    series.values = series.values.map(keep);
+  }
+
   /** Take the rows of measures, and empty what only Python reads. */
   #collect() {
     for (const address of this.#start.counts) this.#view("i8", address, 1)[0] = 0n;
@@ -269,10 +281,14 @@ export class LiveModel {
     if (!rows) return;
     const count = this.#view("i8", rows.count, 1), found = Number(count[0]), width = rows.names.length;
     const steps = this.#view("i8", rows.steps, found), table = this.#view("f8", rows.table, found * width);
+    const { series } = this;
     for (let row = 0; row < found; row++) {
-      this.series.steps.push(Number(steps[row]));
-      for (let k = 0; k < width; k++) this.series.values[k].push(table[row * width + k]);
+      for (let k = 0; k < width; k++) series.last[k] = table[row * width + k];
+      if (Number(steps[row]) % series.every) continue;
+      series.steps.push(Number(steps[row]));
+      for (let k = 0; k < width; k++) series.values[k].push(series.last[k]);
     }
     count[0] = 0n;
+    if (series.steps.length > MOST_ROWS) this.#thin();
   }
 }

@@ -335,9 +335,9 @@ class LivePlayer {
   }
 
   showReadings() {
-    const { values } = this.model.series;
+    const { last: numbers } = this.model.series;
     document.querySelectorAll("#readings b").forEach((cell) => {
-      const last = values[Number(cell.dataset.row)].at(-1);
+      const last = numbers[Number(cell.dataset.row)];
       cell.textContent = last === undefined ? "–" : asText(last);
     });
     this.drawChart();

@@ -229,3 +229,17 @@ def test_teams_and_state_machines_decide_as_in_python(tmp_path):
         f"return {list(steps)}.map((step) => {{ model.step(step - model.steps); return [model.steps, model.hash()]; }})"
     )
     assert ask_node(LivePage(team(), ()), body, tmp_path) == hashes_in_python(team(), steps)
+
+
+@pytest.mark.slow
+def test_rows_of_a_long_run_are_thinned_and_its_last_numbers_are_those_of_its_last_step(tmp_path):
+    model_class, page = page_of("boids")
+    body = """
+    model.step(45003);
+    const { steps, values, last, every } = model.series;
+    return [steps.length, every, steps.slice(-2), model.start.rows.names, last, values.map((of) => of.length)];
+    """
+    count, every, steps, names, last, lengths = ask_node(page, body, tmp_path)
+    assert (count, every, steps) == (45003 // 4, 4, [44996, 45000])
+    assert set(lengths) == {count}
+    assert dict(zip(names, last, strict=True))["total_collisions"] == model_class(rng=1).run(45003).total_collisions
