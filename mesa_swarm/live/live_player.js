@@ -416,7 +416,9 @@ class LivePlayer {
     const { title } = about;
     document.title = title;
     find("model").textContent = title;
-    fill(find("facts"), { map: world.map, robots: this.model.start.robots, ...about.fixed });
+    const changeable = new Set(about.begins.map(({ name }) => name));
+    const others = Object.fromEntries(Object.entries(about.fixed).filter(([name]) => !changeable.has(name)));
+    fill(find("facts"), { map: world.map, robots: this.model.start.robots, ...others });
     find("world").setAttribute("aria-label", `The world of ${title}, drawn to scale`);
     find("seed").replaceChildren(...about.starts.filter((start) => !start.with).map(({ seed }) => make("option", { value: String(seed) }, about.assembled ? "own" : String(seed))));
     this.describeReadings();
