@@ -1,6 +1,7 @@
 """The WebAssembly module of a set of functions: compiled by another process, and stored for the next time."""
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -90,7 +91,6 @@ def _compile(kernels: Mapping[str, Any]) -> bytes:
             capture_output=True, text=True, check=False,
         )  # fmt: skip
         if call.returncode or not target.exists():
-            print(call.stderr) if "DEBUG_LIVE" in os.environ else None
             raise ExportError(f"the model's functions cannot be compiled for pages: {_last_line(call.stderr)}")
         names = dict(line.split("\t") for line in Path(f"{target}.names").read_text().splitlines())
         module = with_exports(target.read_bytes(), names)
@@ -101,4 +101,6 @@ def _compile(kernels: Mapping[str, Any]) -> bytes:
 
 
 def _last_line(text: str) -> str:
-    return (text.strip().splitlines() or ["it ended without a word"])[-1]
+    """Return the last line of what a process wrote, without its colours."""
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", text).strip().splitlines()
+    return lines[-1] if lines else "it ended without a word"
