@@ -49,12 +49,14 @@ class Boards(Part):
         self.places, self.strength, self.azimuth = places, np.zeros(len(places)), np.zeros(len(places))
         self.since, self.visits, self.written = (np.zeros(0, int) for _ in range(3))
         self.source, self.read, self.seen = np.zeros(2), np.zeros((0, 2)), np.zeros((0, 2))
-        self.total, self.discs = np.zeros(1), np.zeros((len(places) + 1, 3))
+        self.total = np.zeros(1)
 
     def bind(self, context: Context) -> None:
         """Take the model's streams, the bounds of the map, and how much of a message is left."""
         self.context, self.kept = context, (1.0 - self.evaporation) ** FADES
         self.low, self.high = np.reshape(context.model.map.bounds, (2, 2)).copy()
+        self.discs = np.zeros((len(self.places) + 1, 3))
+        draw(self.places, self.strength, self.source, self.discs)
 
     def columns(self) -> dict[str, Column]:
         """Return source and boards, and of each robot what it reads, its visits, when and where the last one was."""
@@ -80,13 +82,14 @@ class Boards(Part):
         chances = self.context.streams[self.name].random(2).tolist()
         for axis, chance in enumerate(chances):
             move(self.source, self.low, self.high, chance, axis)
+        draw(self.places, self.strength, self.source, self.discs)
 
     def shown(self) -> Shown:
         """Return a large disc for the source, and one of each board, as large as it is strong."""
-        draw(self.places, self.strength, self.source, self.discs)
-        return Shown(
-            "boards", self.discs, rows={"writes": self.since <= self.trust}, text=f"{self.visits.sum()} visits"
-        )
+        discs = np.zeros_like(self.discs)
+        draw(self.places, self.strength, self.source, discs)
+        discs = self.discs if np.array_equal(discs, self.discs) else discs  # as after a resume
+        return Shown("boards", discs, rows={"writes": self.since <= self.trust}, text=f"{self.visits.sum()} visits")
 
 
 def move(source: np.ndarray, low: np.ndarray, high: np.ndarray, chance: float, axis: int) -> None:

@@ -92,7 +92,7 @@ def _compile(kernels: Mapping[str, Any]) -> bytes:
         )  # fmt: skip
         if call.returncode or not target.exists():
             raise ExportError(f"the model's functions cannot be compiled for pages: {_last_line(call.stderr)}")
-        names = dict(line.split("\t") for line in Path(f"{target}.names").read_text().splitlines())
+        names = dict(line.split("\t") for line in Path(f"{target}.names").read_text(encoding="utf-8").splitlines())
         module = with_exports(target.read_bytes(), names)
     lacking = [imported.name for imported in imports_of(module) if imported.kind == FUNCTION]
     if lacking:

@@ -159,7 +159,8 @@ def main(source: Path, target: Path) -> None:
     if missing:
         print("MISSING", *missing, sep="\n", file=sys.stderr)
     target.write_bytes(machine.emit_object(whole))
-    Path(f"{target}.names").write_text("\n".join(f"{name}\t{mangled}" for name, mangled in names.items()))
+    lines = (f"{name}\t{mangled}" for name, mangled in names.items())
+    Path(f"{target}.names").write_text("\n".join(lines), encoding="utf-8")
 
 
 if __name__ == "__main__":
