@@ -7,7 +7,7 @@ const STACK = 2 ** 18 - 64;
 const MOST_STEPS = 1000;
 // Of measures, after which every second one is kept.
 const MOST_ROWS = 20000;
-const [TAKEN, , CODE] = [0, 1, 2];
+const TAKEN = 0;
 const RAISED = -2147483648;
 const VIEWS = {
   f8: Float64Array, f4: Float32Array, i8: BigInt64Array, u8: BigUint64Array, i4: Int32Array, u4: Uint32Array,
@@ -99,10 +99,11 @@ export class LiveModel {
     let taken = 0;
     if (count > 0) this.#begin();
     while (taken < count && !this.#emptied) {
-      const steps = Math.min(count - taken, MOST_STEPS), now = this.#drive(steps);
+      const steps = Math.min(count - taken, MOST_STEPS), [now, code] = this.#drive(steps);
       taken += now;
       this.#completed += now;
       this.#collect();
+      this.#checked(code);
       if (this.#view("b1", this.#start.stop, 1)[0]) this.#emptied = true;
       else if (now < steps) break;
     }
@@ -147,6 +148,7 @@ export class LiveModel {
     this.#begin();
     this.#view("f8", this.#start.hand_at, 2).set([x, y]);
     const code = this.#called(() => this.#exports.call_kernel(place, block, length, 0, row, row + 1));
+    if (code === RAISED) this.#checked(code);
     this.#sense();
     return code === 0;
   }
@@ -155,7 +157,7 @@ export class LiveModel {
   hash() {
     const [digest, pieces, count] = this.#start.digest;
     this.#sense();
-    this.#checked(this.#exports.call_kernel(digest, pieces, count, this.#completed, 0, 0));
+    this.#checked(this.#called(() => this.#exports.call_kernel(digest, pieces, count, this.#completed, 0, 0)));
     return Array.from(this.#view("u1", this.#start.hash, 16), (byte) => byte.toString(16).padStart(2, "0")).join("");
   }
 
@@ -238,14 +240,14 @@ export class LiveModel {
     this.#checked(this.#called(() => this.#exports.call_kernel(place, block, length, this.#completed + 1, 0, robots)));
   }
 
+  /** Return how many steps were taken, which are whole even where the next one fails, and the code of a failure. */
   #drive(steps) {
     const progress = this.#view("i8", this.#start.progress, 3);
     progress.fill(0n);
     this.#view("b1", this.#start.stop, 1)[0] = 0;
     const [block, length] = this.#start.driver, robots = this.#start.robots;
     const code = this.#called(() => this.#exports.drive(block, length, steps, this.#completed, this.#completed, robots));
-    this.#checked(code);
-    return Number(this.#view("i8", this.#start.progress, 3)[TAKEN]);
+    return [Number(this.#view("i8", this.#start.progress, 3)[TAKEN]), code];
   }
 
   /** Return what a compiled function does; where it stops, as for a text of an error, it has raised one. */
@@ -260,7 +262,7 @@ export class LiveModel {
 
   #checked(code) {
     if (code === 0) return;
-    const step = this.#completed + Number(this.#view("i8", this.#start.progress, 3)[TAKEN]) + 1;
+    const step = this.#completed + 1;
     const what = code === RAISED ? "a function has raised an error" : `Python is needed (code ${code})`;
     throw new Error(`step ${step} cannot be taken here: ${what}; run the model in Python to see why`);
   }

@@ -1,4 +1,4 @@
-"""A model as one page that runs it: `export_live`, and what the page holds."""
+"""A model as one page that runs it: what the page holds, and how it is written."""
 
 import json
 import os
@@ -190,35 +190,9 @@ class LivePage:
 
     def parts(self) -> tuple[dict[str, Any], dict[str, bytes]]:
         """Return what the page reads first, as JSON, and its other parts by name."""
-        module = module_of(self.functions.places)
-        first = self.starts[self.seed][1].image.content
-        content = {"module": module}
-        starts = []
-        own_world = scene_of(self._first).world()
-        own_places = self.starts[self.seed][1].places
-        for seed, (model, start) in self.starts.items():
-            image, world, is_own = start.image.content, scene_of(model).world(), seed == self.seed
-            differs = not is_own and len(image) == len(first)
-            content[f"start-{seed}"] = difference(image, first) if differs else image
-            if start.begun:
-                content[f"begun-{seed}"] = difference(start.begun, image)
-            facts = {
-                "places": start.places if is_own or start.places != own_places else None,
-                "world": world if is_own or world != own_world else None,
-            }
-            starts.append({"seed": seed, "key": f"{seed}", "differs": differs, "begins": bool(start.begun), **facts})
-        for number, variant in enumerate(self.variants):
-            content[f"start-v{number}"] = variant.start.image.content
-            if variant.start.begun:
-                content[f"begun-v{number}"] = difference(variant.start.begun, variant.start.image.content)
-            about_variant: dict[str, Any] = {
-                "with": [variant.name, variant.value],
-                "places": variant.start.places,
-                "world": scene_of(variant.model).world(),
-                "changes": {name: change._asdict() for name, change in variant.changes.items()},
-            }
-            key, begins = f"v{number}", bool(variant.start.begun)
-            starts.append({"seed": self.seed, "key": key, "begins": begins, **about_variant})
+        content = {"module": module_of(self.functions.places)}
+        starts = [self._add_start(content, seed) for seed in self.starts]
+        starts += [add_variant(content, f"v{number}", self.seed, one) for number, one in enumerate(self.variants)]
         info = model_info(self.model_class)
         about = {
             "title": title_of(info.name),
@@ -244,6 +218,24 @@ class LivePage:
             "radio": self._first.communication is not None,
         }
         return about, content
+
+    def _add_start(self, content: dict[str, bytes], seed: int) -> dict[str, Any]:
+        """Add the bytes of a seed's start, and return what the page reads of it: what differs from the first."""
+        own, (model, start) = self.starts[self.seed][1], self.starts[seed]
+        first, image, is_own = own.image.content, start.image.content, seed == self.seed
+        differs = not is_own and len(image) == len(first)
+        content[f"start-{seed}"] = difference(image, first) if differs else image
+        if start.begun:
+            content[f"begun-{seed}"] = difference(start.begun, image)
+        world = scene_of(model).world()
+        return {
+            "seed": seed,
+            "key": f"{seed}",
+            "differs": differs,
+            "begins": bool(start.begun),
+            "places": start.places if is_own or start.places != own.places else None,
+            "world": world if is_own or world != scene_of(self._first).world() else None,
+        }
 
     def text(self, most: int | None = None) -> str:
         """Return the page, with as many starts as make it no longer than this, but at least one."""
@@ -276,6 +268,23 @@ class LivePage:
         elif isinstance(control, Choice):
             described |= {"options": list(change.bytes)}
         return described
+
+
+def add_variant(content: dict[str, bytes], key: str, seed: int, variant: Variant) -> dict[str, Any]:
+    """Add the bytes of a start with another value, and return what the page reads of it."""
+    image, begun = variant.start.image.content, variant.start.begun
+    content[f"start-{key}"] = image
+    if begun:
+        content[f"begun-{key}"] = difference(begun, image)
+    return {
+        "seed": seed,
+        "key": key,
+        "begins": bool(begun),
+        "with": [variant.name, variant.value],
+        "places": variant.start.places,
+        "world": scene_of(variant.model).world(),
+        "changes": {name: change._asdict() for name, change in variant.changes.items()},
+    }
 
 
 def values_to_begin_with(parameter: Parameter, present: Any) -> list[Any]:
