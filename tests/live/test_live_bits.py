@@ -111,6 +111,15 @@ def test_the_rows_of_measures_are_those_of_the_data_collector(tmp_path):
     assert dict(zip(names, values, strict=True)) == model.datacollector.model_vars
 
 
+@behaviour(memory={"steps": 0.0})
+def lapse(me):
+    """Fail in the thirtieth step."""
+    me.memory.steps += 1.0
+    if me.memory.steps == 30:
+        raise ValueError("the thirtieth step")
+    return 0.0, 0.0
+
+
 @behaviour(memory={"shy": 0.0})
 def keep_off(me, near=12.0, share=0.5):
     """Back away from what is ahead, sometimes, and remember how often."""
@@ -243,3 +252,19 @@ def test_rows_of_a_long_run_are_thinned_and_its_last_numbers_are_those_of_its_la
     assert (count, every, steps) == (45003 // 4, 4, [44996, 45000])
     assert set(lengths) == {count}
     assert dict(zip(names, last, strict=True))["total_collisions"] == model_class(rng=1).run(45003).total_collisions
+
+
+@pytest.mark.slow
+def test_steps_before_one_that_fails_are_counted_and_the_error_names_the_one_that_fails(tmp_path):
+    model = SwarmModel(map="sparse", rng=3)
+    model.add_robots(AGENT9, 3)
+    model.control = Subsumption(lapse())
+    body = """
+    model.step(5);
+    let words = "";
+    try { model.step(100); } catch (error) { words = error.message; }
+    return [model.steps, words];
+    """
+    steps, words = ask_node(LivePage(model, ()), body, tmp_path)
+    assert steps == 29
+    assert words.startswith("step 30 cannot be taken here")
