@@ -13,7 +13,8 @@ from mesa_swarm.kernels.type_names import Bytes, Codes, Flags, IntegerRows, Inte
 from mesa_swarm.model.state_hash import Pieces, add_state, bytes_of_numbers
 from mesa_swarm.world.read_only import writable_view
 
-DIGEST_BYTES, BLOCK_BYTES, ROUNDS, WORDS = 16, 128, 12, 16
+DIGEST_BYTES, BLOCK_BYTES = 16, 128
+ROUNDS, WORDS = 12, 16
 # The first words of BLAKE2b, and the order in which a round takes the words of a message (RFC 7693, 2.6 and 2.7).
 INITIAL = np.array(
     [

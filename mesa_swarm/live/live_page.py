@@ -18,11 +18,12 @@ import numpy as np
 from mesa_swarm.base.errors import ExportError, InvalidValueError, SwarmError, check_count, shortened
 from mesa_swarm.base.files import check_writable, draft_of, show_path
 from mesa_swarm.base.progress import progress_bar
+from mesa_swarm.kernels.compiling import needed_functions
 from mesa_swarm.live.binaries import PREFIX, module_of
 from mesa_swarm.live.image import Functions
 from mesa_swarm.live.settings import Change, find_change, positions_of
 from mesa_swarm.live.starts import BASE, Start, make_start
-from mesa_swarm.model.gallery import find_model, gallery_names
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.info import model_info
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.physics.threads import count_processors
@@ -341,9 +342,9 @@ def compile_pages(names: Iterable[str] | None = None) -> list[str]:
     Parameters
     ----------
     names : iterable of str, optional
-        By default all models.
+        By default all models whose functions are compiled beforehand.
     """
-    wanted = list(gallery_names() if names is None else names)
+    wanted = list(needed_functions() if names is None else names)
     with ProcessPoolExecutor(min(count_processors(), len(wanted)), get_context("spawn")) as pool:
         return [name for name, able in zip(wanted, pool.map(is_able, wanted), strict=True) if able]
 
