@@ -35,6 +35,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.experiments.warm_up import warm_up
+    from mesa_swarm.kernels.draws import draw_number
     from mesa_swarm.kernels.part import Column, Context, Part, Phase, Shown, Stage
     from mesa_swarm.maps.map import Map
     from mesa_swarm.model.compiled_stages import compiled_stage
@@ -94,6 +95,7 @@ _MODULES = {
     "experiments.sweep": "sweep",
     "experiments.warm_up": "warm_up",
     "model.looks": "Chart ColourMap Looks",
+    "kernels.draws": "draw_number",
     "kernels.part": "Column Context Part Phase Shown Stage",
     "base.streams": "Seed Streams",
     "model.parameters": "Choice Slider",
@@ -187,6 +189,7 @@ __all__ = [
     "compiled_stage",
     "count",
     "disc",
+    "draw_number",
     "drive",
     "event_count",
     "event_total",

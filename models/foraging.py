@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
+from numba import njit
 
 from mesa_swarm import (
     Carried,
@@ -33,16 +34,19 @@ from mesa_swarm import (
     SwarmModel,
     all_round,
     disc,
-    held,
+    draw_number,
     process,
+    value,
 )
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_choice, check_count
 
-FIELD = Map(name="field", bounds=(0, 0, 400, 400))
+SIDE = 400.0
+FIELD = Map(name="field", bounds=(0, 0, SIDE, SIDE))
 NEST, NEST_RADIUS, FOOD_RADIUS, ROOM = (200.0, 200.0), 45.0, 2.5, 12.0
 # The greatest store of energy, that of an item, and what a robot uses in a step outside and in the nest.
 FULL, GAIN, OUTSIDE, INSIDE = 500.0, 20.0, 0.05, 0.005
+COLLECTED = ("energy", "outside")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,15 +55,11 @@ class Need(Sensor):
 
     name: str = "need"
 
-    def arguments(self, model: "Foraging") -> dict[str, np.ndarray]:
-        """Return it for all robots."""
-        return {"missing": model.state["thresholds"] - model.state["energy"]}
-
     @staticmethod
-    def read(rows: np.ndarray, missing: np.ndarray, out: np.ndarray) -> None:
+    def read(rows: np.ndarray, nest_thresholds: np.ndarray, nest_energy: np.ndarray, out: np.ndarray) -> None:
         """Write it for the robots in these rows."""
         for i in range(len(out)):
-            out[i, 0] = missing[rows[i] % len(missing)]
+            out[i, 0] = nest_thresholds[rows[i] % len(nest_thresholds)] - nest_energy[0]
 
 
 @behaviour(memory={"turn": 0, "side": 1.0})
@@ -91,19 +91,39 @@ def forage(me: Any, food: int = 0, near: float = 4.0, safe: float = 6.0) -> tupl
     return me.max_speed * min(1.0, 1 - 2 * turn), me.max_speed * min(1.0, 1 + 2 * turn)
 
 
-@process
-def use_energy(model: "Foraging") -> None:
-    """Use the nest's energy, and turn food that was brought there into energy."""
-    energy = OUTSIDE * model.outside + INSIDE * (len(model.swarm) - model.outside)
-    for body in [body for body in model.movers.agents if body.carrier is not None]:
-        if np.hypot(*(body.carrier.position - NEST)) < NEST_RADIUS - FOOD_RADIUS:
-            model.event("delivered", robot=body.carrier, value=GAIN)
-            body.remove()
-            model.add_food()
-            model.state["items"] += 1
-            model.state["energy"] += GAIN
-    model.state["spent"] += energy
-    model.state["energy"] = min(max(model.state["energy"] - energy, 0.0), FULL)
+@njit
+def is_free(x: float, y: float, places: np.ndarray) -> bool:
+    """Return whether food may appear at a place: not in the nest, nor near any of some other places."""
+    for k in range(len(places)):
+        if math.hypot(x - places[k, 0], y - places[k, 1]) <= ROOM:
+            return False
+    return math.hypot(x - NEST[0], y - NEST[1]) > NEST_RADIUS + ROOM
+
+
+def nest(
+    position: np.ndarray, bodies_aim: np.ndarray, bodies_carrier: np.ndarray, delivered: np.ndarray,
+    energy: np.ndarray, spent: np.ndarray, items: np.ndarray, outside: np.ndarray, stream: Any,
+) -> None:  # fmt: skip
+    """Use the nest's energy, and turn food that was brought there into energy: it appears elsewhere as other food."""
+    outside[0] = 0
+    for i in range(len(position)):
+        outside[0] += math.hypot(position[i, 0] - NEST[0], position[i, 1] - NEST[1]) > NEST_RADIUS
+    used = OUTSIDE * outside[0] + INSIDE * (len(position) - outside[0])
+    for b in range(len(bodies_carrier)):
+        robot = bodies_carrier[b]
+        if robot < 0:
+            continue
+        x, y = position[robot]
+        if math.hypot(x - NEST[0], y - NEST[1]) >= NEST_RADIUS - FOOD_RADIUS:
+            continue
+        while not (is_free(x, y, position) and is_free(x, y, bodies_aim)):
+            x, y = ROOM + (SIDE - 2 * ROOM) * draw_number(stream), ROOM + (SIDE - 2 * ROOM) * draw_number(stream)
+        bodies_aim[b, 0], bodies_aim[b, 1] = x, y
+        delivered[robot] = GAIN
+        items[0] += 1
+        energy[0] += GAIN
+    spent[0] += used
+    energy[0] = min(max(energy[0] - used, 0.0), FULL)
 
 
 class Foraging(SwarmModel):
@@ -126,7 +146,7 @@ class Foraging(SwarmModel):
         items: Annotated[int, Slider(1, 60, 1, "items of food in the arena")] = 20,
         rng: Seed = None,
     ) -> None:
-        super().__init__(map=FIELD, rng=rng, model_reporters=held("energy", "outside"))
+        super().__init__(map=FIELD, rng=rng, model_reporters={name: value(f"nest.{name}") for name in COLLECTED})
         self.add_obstacle(disc(NEST, NEST_RADIUS, contact=False))  # a mark on the ground
         self.communication = Radio(range=1000.0, state=False, beacons=(NEST,))
         eyes = (*all_round(12, range=40.0).sensors, LineSensor(), Carried(), Need())
@@ -134,25 +154,23 @@ class Foraging(SwarmModel):
         n = len(self.add_robots(design, check_count("n_robots", n_robots)))
         rests = check_choice("thresholds", thresholds, ("yes", "no")) == "yes"
         limits = np.linspace(0.0, FULL, n) if rests else np.full(n, 2 * FULL)
-        self.state.update(energy=FULL / 2, spent=0.0, items=0, thresholds=limits)
         for _ in range(check_count("items", items, maximum=200)):
             self.add_food()
-        self.add_process(use_energy)
-        self.control = Subsumption(forage(food=self.kind_code("food")))
+        memory = {"energy": FULL / 2, "spent": 0.0, "items": 0, "outside": self.outside, "thresholds": limits}
+        self.nest = self.add_process(process(memory=memory, events=("delivered",))(nest))
+        self.control = Subsumption(forage(food=self.add_kind("food")))
 
     def add_food(self) -> None:
-        """Add an item of food where there is room, not in the nest."""
-        while True:
-            place = self.streams["food"].uniform(ROOM, FIELD.width - ROOM, 2)
-            neighbours = np.vstack([self.movers.position, self.swarm.position])
-            if np.hypot(*(place - NEST)) > NEST_RADIUS + ROOM and (np.hypot(*(neighbours - place).T) > ROOM).all():
-                break
-        self.add_body(disc(tuple(place.tolist()), FOOD_RADIUS), kind="food")
+        """Add an item of food at a random place where there is room, not in the nest."""
+        x, y = NEST
+        while not (is_free(x, y, self.swarm.position) and is_free(x, y, self.movers.position)):
+            x, y = self.streams["food"].uniform(ROOM, SIDE - ROOM, 2).tolist()
+        self.add_body(disc((x, y), FOOD_RADIUS), kind="food")
 
     @property
     def energy(self) -> float:
         """The energy that the nest has stored."""
-        return self.state["energy"]
+        return self.nest.energy
 
     @property
     def outside(self) -> int:
@@ -161,5 +179,5 @@ class Foraging(SwarmModel):
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: items that were brought, energy at the end, energy used an item."""
-        items, energy = self.state["items"], self.state["spent"]
+        items, energy = self.nest.items, self.nest.spent
         return {"items": float(items), "energy": self.energy, "energy used per item": energy / items if items else None}

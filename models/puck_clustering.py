@@ -33,10 +33,11 @@ from mesa_swarm import (
     Slider,
     SwarmModel,
     disc,
-    held,
+    process,
     until,
+    value,
 )
-from mesa_swarm.analysis import clusters
+from mesa_swarm.analysis import link_groups
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count
 
@@ -49,22 +50,25 @@ BEARINGS = (-45.0, -15.0, 15.0, 45.0)
 
 @dataclass(frozen=True, kw_only=True)
 class PucksAhead(Sensor):
-    """How many pucks lie in the half-disc ahead of the robot's centre."""
+    """How many pucks lie in the half-disc ahead of the robot's centre; `puck` is the code of their kind."""
 
     name: str = "pucks"
+    puck: int
     view: float = 30.0
 
-    def arguments(self, model: "PuckClustering") -> dict[str, np.ndarray]:
-        """Return where pucks lie."""
-        return {"places": model.lying}
-
     @staticmethod
-    def read(position: np.ndarray, heading: np.ndarray, view: float, places: np.ndarray, out: np.ndarray) -> None:
+    def read(
+        position: np.ndarray, heading: np.ndarray, bodies_position: np.ndarray, bodies_kind: np.ndarray,
+        bodies_carrier: np.ndarray, puck: int, view: float, out: np.ndarray,
+    ) -> None:  # fmt: skip
         """Write the number for each robot."""
         for i in range(len(out)):
-            x, y = places[:, 0] - position[i, 0], places[:, 1] - position[i, 1]
-            ahead = x * math.cos(heading[i]) + y * math.sin(heading[i]) > 0
-            out[i, 0] = np.sum(ahead & (np.hypot(x, y) < view))
+            cosine, sine, count = math.cos(heading[i]), math.sin(heading[i]), 0
+            for b in range(len(bodies_kind)):
+                if bodies_kind[b] == puck and bodies_carrier[b] < 0:
+                    x, y = bodies_position[b, 0] - position[i, 0], bodies_position[b, 1] - position[i, 1]
+                    count += x * cosine + y * sine > 0 and math.hypot(x, y) < view
+            out[i, 0] = count
 
 
 @behaviour(memory={"back": 0, "turn": 0, "side": 1.0})
@@ -97,6 +101,19 @@ def gather(
     return 0.0, 0.0
 
 
+@process(memory={"count": 0, "largest": 0.0}, every=EVERY)
+def clustering(
+    bodies_position: np.ndarray, bodies_kind: np.ndarray, bodies_carrier: np.ndarray, count: np.ndarray,
+    largest: np.ndarray, puck: int = 0,
+) -> None:  # fmt: skip
+    """Count clusters, single pucks included, and the share of all pucks that are in the largest one."""
+    lying = bodies_position[(bodies_kind == puck) & (bodies_carrier < 0)]
+    label, largest[0] = np.empty(len(lying), np.int64), 0.0
+    count[0] = link_groups(lying, LINK, label)
+    for cluster in range(count[0]):
+        largest[0] = max(largest[0], np.sum(label == cluster) / np.sum(bodies_kind == puck))
+
+
 class PuckClustering(SwarmModel):
     """Robots that gather pucks in one cluster; stops running when nine tenths of the pucks are in one.
 
@@ -109,6 +126,8 @@ class PuckClustering(SwarmModel):
     compares = "n_robots", (2, 6, 12)
     steps_to_compare = 20_000
     headline = "one cluster at", "gathered the pucks in one cluster"
+    # As they were found last.
+    clusters, largest = value("clustering.count"), value("clustering.largest")
     stops = until("largest", at_least=DONE, every=EVERY)
 
     def __init__(
@@ -121,32 +140,25 @@ class PuckClustering(SwarmModel):
         rng: Seed = None,
     ) -> None:
         size = APART * COLUMNS, APART * check_count("rows", rows, maximum=30)
-        reporters = held("clusters", "largest", every=EVERY)
+        reporters = {"clusters": value("clustering.count"), "largest": value("clustering.largest")}
         super().__init__(map=Map(name="arena", bounds=(0, 0, *size)), rng=rng, model_reporters=reporters)
         for column, row in np.ndindex(COLUMNS, rows):
             self.add_body(disc((APART * (column + 0.5), APART * (row + 0.5)), PUCK), kind="puck")
         eyes = [ProximitySensor(bearing_degrees=b, field_of_view_degrees=30.0, range=12.0) for b in BEARINGS]
         gripper = Gripper(reach=6.0, field_of_view_degrees=180.0)  # more than it sees
-        robot = RobotDesign(radius=ROBOT, max_speed=2.0, sensors=(*eyes, Carried(), PucksAhead()), actuators=(gripper,))
+        puck = self.add_kind("puck")
+        sensors = (*eyes, Carried(), PucksAhead(puck=puck))
+        robot = RobotDesign(radius=ROBOT, max_speed=2.0, sensors=sensors, actuators=(gripper,))
         self.add_robots(robot, check_count("n_robots", n_robots))
+        self.clustering = self.add_process(clustering(puck=puck))
+        self.clustering.step(self)
         limits = {"many": check_count("many", many), "enough": check_count("enough", enough)}
-        self.control = Subsumption(gather(puck=self.kind_code("puck"), **limits))
+        self.control = Subsumption(gather(puck=puck, **limits))
 
     @property
     def lying(self) -> np.ndarray:
         """Where pucks lie that no robot carries, shape (k, 2)."""
         return self.movers.position[~self.movers.carried]
-
-    @property
-    def clusters(self) -> int:
-        """Number of clusters, single pucks included."""
-        groups = clusters(self.lying, LINK)
-        return groups.count + int((groups.label < 0).sum())
-
-    @property
-    def largest(self) -> float:
-        """Share of all pucks that are in the largest cluster."""
-        return int(clusters(self.lying, LINK, fewest=1).sizes.max(initial=0)) / len(self.movers)
 
     @property
     def done_at(self) -> int | None:

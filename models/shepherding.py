@@ -2,7 +2,7 @@
 
 WHAT IS IT? Sheep flee from a robot and crowd together. The robot collects stragglers and drives the flock.
 
-HOW IT WORKS. Sheep are ordinary Mesa agents, each with a body that robots see. A sheep within 65 m of a robot walks
+HOW IT WORKS. Sheep are bodies that robots see, and that a compiled process sends. A sheep within 65 m of a robot walks
 along a sum: away from robots, away from sheep within 2 m, towards the centre of its nearest `neighbours`, on as before,
 and at random. A robot sees the flock's centre, the sheep farthest from it, and the target. It goes behind that sheep as
 seen from the centre if it is beyond 2 N^(2/3) m, else behind the centre; it slows down near sheep. 1 m is 4 map units.
@@ -12,11 +12,12 @@ THINGS TO TRY. Ten neighbours: which is the largest flock that is brought home? 
 REFERENCE. Stroembom, Mann, Wilson, Hailes, Morton, Sumpter and King, J. R. Soc. Interface 11, 20140719 (2014).
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import mesa
 import numpy as np
+from numba import njit
 
 from mesa_swarm import (
     HolonomicDrive,
@@ -28,18 +29,28 @@ from mesa_swarm import (
     SwarmModel,
     all_round,
     disc,
+    draw_number,
     process,
     until,
+    value,
 )
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count
 
-METRE = 4.0
-FIELD = Map(name="field", bounds=(0, 0, 1000, 1000))
-START, TARGET, NEAR = (500.0, 800.0), 200 + 200j, 10 * METRE  # positions are complex numbers, x + y i
+METRE, SIDE = 4.0, 1000.0
+FIELD = Map(name="field", bounds=(0, 0, SIDE, SIDE))
+START, TARGET, NEAR = (500.0, 800.0), (200.0, 200.0), 10 * METRE
 FRIGHT, APART, STRIDE = 65 * METRE, 2 * METRE, 1 * METRE
 # Weights of terms of a sheep's direction; chance of a stride while no robot is near.
 ATTRACTION, REPULSION, FEAR, INERTIA, NOISE, GRAZING = 1.05, 2.0, 1.0, 0.5, 0.3, 0.05
+
+
+@njit
+def look(places: np.ndarray) -> tuple[float, float, float, float]:
+    """Return where the flock's centre and the sheep farthest from it are."""
+    x, y = np.mean(places[:, 0]), np.mean(places[:, 1])
+    far = np.argmax(np.array([math.hypot(place[0] - x, place[1] - y) for place in places]))
+    return x, y, places[far, 0], places[far, 1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,18 +58,20 @@ class Camera(Sensor):
     """Where the flock's centre, the sheep farthest from it and the target are, in the robot's frame."""
 
     name, width = "flock", 6
-
-    def arguments(self, model: "Shepherding") -> dict[str, np.ndarray]:
-        """Return these three places on the map."""
-        return {"places": np.array([*model.centre_and_farthest(), TARGET])}
+    sheep: int
 
     @staticmethod
-    def read(position: np.ndarray, heading: np.ndarray, places: np.ndarray, out: np.ndarray) -> None:
+    def read(
+        position: np.ndarray, heading: np.ndarray, bodies_position: np.ndarray, bodies_kind: np.ndarray, sheep: int,
+        out: np.ndarray,
+    ) -> None:  # fmt: skip
         """Write the places as each robot sees them."""
+        places = (*look(bodies_position[bodies_kind == sheep]), *TARGET)
         for i in range(len(out)):
-            for k in range(len(places)):
-                offset = (places[k] - complex(position[i, 0], position[i, 1])) * np.exp(-1j * heading[i])
-                out[i, 2 * k], out[i, 2 * k + 1] = offset.real, offset.imag
+            cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+            for k in range(0, 6, 2):
+                x, y = places[k] - position[i, 0], places[k + 1] - position[i, 1]
+                out[i, k], out[i, k + 1] = cosine * x + sine * y, cosine * y - sine * x
 
 
 @behaviour
@@ -74,26 +87,59 @@ def herd(me: Any, sheep: int = 0, spread: float = 50.0, behind: float = 30.0) ->
     return speed * way.real / abs(way), speed * way.imag / abs(way)
 
 
-class Sheep(mesa.Agent):
-    """A sheep: an ordinary Mesa agent, of which robots see the body."""
-
-    def __init__(self, model: SwarmModel, position: tuple[float, float]) -> None:
-        super().__init__(model)
-        self.position, self.ahead = position, 0j
-        model.add_body(disc(self.position, METRE / 2), kind="sheep", agent=self)
-
-    def step(self, place: list[float], way: complex) -> None:
-        """Go a stride from a place in a direction, 0 for none, within the field."""
-        x, y = place[0] + STRIDE * way.real, place[1] + STRIDE * way.imag
-        self.position, self.ahead = (min(max(x, 0.0), FIELD.width), min(max(y, 0.0), FIELD.height)), way
+@njit
+def unit(x: float, y: float) -> tuple[float, float]:
+    """Return a vector of length 1 in the same direction, and 0 for 0."""
+    length = math.hypot(x, y)
+    return (x / length, y / length) if length > 0 else (0.0, 0.0)
 
 
-@process
-def walk(model: "Shepherding") -> None:
-    """Let all sheep walk."""
-    flock = model.agents_by_type[Sheep]
-    for sheep, place, way in zip(flock, model.movers.position.tolist(), model.ways(flock.get("ahead"))):  # noqa: B905
-        sheep.step(place, way)
+@njit
+def away_from(x: float, y: float, places: np.ndarray, reach: float) -> tuple[float, float, int]:
+    """Return the direction away from the places within reach, and how many there are; that of a sheep itself is 0."""
+    sum_x, sum_y, count = 0.0, 0.0, 0
+    for k in range(len(places)):
+        if math.hypot(x - places[k, 0], y - places[k, 1]) < reach:
+            away_x, away_y = unit(x - places[k, 0], y - places[k, 1])
+            sum_x, sum_y, count = sum_x + away_x, sum_y + away_y, count + 1
+    return (*unit(sum_x, sum_y), count)
+
+
+@njit
+def towards_nearest(i: int, places: np.ndarray, neighbours: int) -> tuple[float, float]:
+    """Return the direction of a sheep towards the centre of its nearest neighbours."""
+    gaps = np.array([math.hypot(place[0] - places[i, 0], place[1] - places[i, 1]) for place in places])
+    nearest = np.argsort(gaps, kind="mergesort")[1 : neighbours + 1]  # after itself
+    return unit(np.mean(places[nearest, 0]) - places[i, 0], np.mean(places[nearest, 1]) - places[i, 1])
+
+
+def walk(
+    position: np.ndarray, bodies_position: np.ndarray, bodies_aim: np.ndarray, bodies_kind: np.ndarray,
+    ahead_x: np.ndarray, ahead_y: np.ndarray, home: np.ndarray, stream: Any, sheep: int = 0, neighbours: int = 0,
+    spread: float = 50.0,
+) -> None:  # fmt: skip
+    """Send all sheep a stride, and look whether the flock is at the target."""
+    flock = np.flatnonzero(bodies_kind == sheep)
+    places = bodies_position[flock]
+    for i in range(len(flock)):
+        x, y = places[i]
+        crowd_x, crowd_y, _ = away_from(x, y, places, APART)
+        fear_x, fear_y, near = away_from(x, y, position, FRIGHT)
+        turn, grazes = 2 * math.pi * draw_number(stream), draw_number(stream) < GRAZING
+        noise_x, noise_y = math.cos(turn), math.sin(turn)
+        way = unit(crowd_x, crowd_y) if crowd_x != 0 or crowd_y != 0 else (noise_x * grazes, noise_y * grazes)
+        if near > 0:
+            x_wanted, y_wanted = towards_nearest(i, places, neighbours)
+            way = unit(
+                ATTRACTION * x_wanted + REPULSION * crowd_x + FEAR * fear_x + INERTIA * ahead_x[i] + NOISE * noise_x,
+                ATTRACTION * y_wanted + REPULSION * crowd_y + FEAR * fear_y + INERTIA * ahead_y[i] + NOISE * noise_y,
+            )
+        ahead_x[i], ahead_y[i] = way
+        bodies_aim[flock[i], 0] = min(max(x + STRIDE * way[0], 0.0), SIDE)
+        bodies_aim[flock[i], 1] = min(max(y + STRIDE * way[1], 0.0), SIDE)
+    centre_x, centre_y, far_x, far_y = look(places)
+    there = math.hypot(centre_x - TARGET[0], centre_y - TARGET[1]) < NEAR
+    home[0] = there and math.hypot(far_x - centre_x, far_y - centre_y) < spread
 
 
 class Shepherding(SwarmModel):
@@ -108,7 +154,8 @@ class Shepherding(SwarmModel):
     compares = "n_sheep", (16, 24)
     steps_to_compare = 2_000
     headline = "brought home at", "brought the flock to the target"
-    stops = until("is_home", equals=True)
+    is_home = value("walk.home")
+    stops = until("is_home", equals=1)
 
     def __init__(
         self,
@@ -120,50 +167,22 @@ class Shepherding(SwarmModel):
     ) -> None:
         super().__init__(map=FIELD, rng=rng)
         n = check_count("n_sheep", n_sheep, minimum=2, maximum=1000)
-        self.neighbours = min(check_count("neighbours", neighbours) or n, n - 1)
         for place in self.streams["sheep"].uniform(*START, (n, 2)).tolist():
-            Sheep(self, tuple(place))
-        eyes = (*all_round(12, range=8 * METRE).sensors, Camera())
+            self.add_body(disc(place, METRE / 2), kind="sheep")
+        sheep, spread = self.kind_code("sheep"), APART * n ** (2 / 3)
+        eyes = (*all_round(12, range=8 * METRE).sensors, Camera(sheep=sheep))
         robot = RobotDesign(sensors=eyes, radius=METRE, max_speed=1.5 * STRIDE, drive=HolonomicDrive())
         self.add_robots(robot, check_count("n_robots", n_robots))
-        self.most_spread = APART * n ** (2 / 3)
-        code, behind = self.kind_code("sheep"), APART * n**0.5
-        self.add_process(walk)
-        self.control = Subsumption(herd(sheep=code, spread=self.most_spread, behind=behind))
-
-    def centre_and_farthest(self) -> tuple[complex, complex]:
-        """Return where the flock's centre and the sheep farthest from it are."""
-        places = self.movers.position[: len(self.agents_by_type[Sheep])] @ (1, 1j)
-        return places.mean(), places[abs(places - places.mean()).argmax()]
-
-    @property
-    def is_home(self) -> bool:
-        """Whether the flock is at the target."""
-        centre, far = self.centre_and_farthest()
-        return abs(centre - TARGET) < NEAR and abs(far - centre) < self.most_spread
+        others = min(check_count("neighbours", neighbours) or n, n - 1)
+        walking = process(memory={"ahead_x": np.zeros(n), "ahead_y": np.zeros(n), "home": False})(walk)
+        self.add_process(walking(sheep=sheep, neighbours=others, spread=spread))
+        self.control = Subsumption(herd(sheep=sheep, spread=spread, behind=APART * n**0.5))
 
     @property
     def home_at(self) -> int | None:
         """Step at which the flock was at the target, or None."""
         return self.stopped_at
 
-    def ways(self, ahead: list[complex]) -> np.ndarray:
-        """Return the direction (n,) in which each sheep walks, 0 for one that stands."""
-        places, chance = self.movers.position[: len(ahead)] @ (1, 1j), self.streams["sheep"].random((2, len(ahead)))
-        gaps, robots = places[:, None] - places, places[:, None] - self.swarm.position @ (1, 1j)
-        nearest = abs(gaps).argsort(axis=1, kind="stable")[:, 1 : self.neighbours + 1]  # after itself
-        crowded = unit((unit(gaps) * (abs(gaps) < APART)).sum(axis=1))
-        near, noise = abs(robots) < FRIGHT, np.exp(2j * np.pi * chance[0])
-        flight = ATTRACTION * unit(places[nearest].mean(axis=1) - places) + REPULSION * crowded + NOISE * noise
-        flight += FEAR * unit((unit(robots) * near).sum(axis=1)) + INERTIA * np.array(ahead)
-        calm = np.where(crowded != 0, crowded, noise * (chance[1] < GRAZING))
-        return np.where(near.any(axis=1), unit(flight), calm)
-
     def results(self) -> dict[str, float | None]:
         """Return the measure used by a comparison: the step at which the flock was at the target, or None."""
         return {"brought home at": self.home_at}
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """Return complex numbers of magnitude 1 in the same directions, and 0 for 0."""
-    return np.divide(vectors, abs(vectors), out=np.zeros_like(vectors), where=vectors != 0)

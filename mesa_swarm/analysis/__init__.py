@@ -11,7 +11,7 @@ row. A heading beyond 4 pi is probably in degrees, of which a `DegreesWarning` i
 
 from mesa_swarm.analysis.chain_history import ChainEvent, ChainHistory, follow_chains
 from mesa_swarm.analysis.chains import Chains, chains
-from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together
+from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together, link_groups
 from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells
 from mesa_swarm.analysis.missing import Measure, Measures, count_missing
 from mesa_swarm.analysis.order import directions, milling, neighbour_alignment, polarization
@@ -56,6 +56,7 @@ __all__ = [
     "kept_together",
     "later_mean",
     "layer_shares",
+    "link_groups",
     "milling",
     "nearest_neighbour_distances",
     "neighbour_alignment",

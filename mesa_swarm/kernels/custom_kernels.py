@@ -15,8 +15,9 @@ from mesa_swarm.kernels.digests import digest_function
 from mesa_swarm.kernels.draws import Stream, draw_number
 from mesa_swarm.kernels.type_names import name_type
 
-# What a function may take besides what a block holds: the number of the step, and a number that is drawn in each.
-STEP, CHANCE = "step", "chance"
+# What a function may take besides what a block holds: the number of the step, a number that is drawn in each, and from
+# where to draw more.
+STEP, CHANCE, STREAM = "step", "chance", "stream"
 # The code that a kernel returns where the function has raised an error.
 FAILED = 1
 TEXT = """
@@ -50,10 +51,11 @@ def kernel_of_function(function: FunctionType, takes: tuple[str, ...], values: M
     takes : tuple of str
         The names of its parameters.
     values : dict
-        Arrays in C order and numbers, by names of parameters other than `step` and `chance`; the block holds them in
-        this order, and last a `Stream`.
+        Arrays in C order and numbers, by names of parameters other than `step`, `chance` and `stream`; the block holds
+        them in this order, and last a `Stream`.
     """
-    fields = [(name, _annotation(value)) for name, value in values.items()]
+    # Numba takes some names for methods of arrays, such as view.
+    fields = [(f"given_{name}", _annotation(value)) for name, value in values.items()]
     key = function, takes, tuple((name, str(kind)) for name, kind in fields)
     if key not in _MADE:
         _MADE[key] = _make(function, takes, fields)
@@ -62,8 +64,8 @@ def kernel_of_function(function: FunctionType, takes: tuple[str, ...], values: M
 
 def _make(function: FunctionType, takes: tuple[str, ...], fields: list[tuple[str, Any]]) -> CustomKernel:
     arrays: Any = NamedTuple("Arrays", [*fields, ("stream_of_chance", Stream)])  # type: ignore[misc]
-    special = {STEP: "step", CHANCE: "draw_number(given.stream_of_chance)"}
-    arguments = ", ".join(special.get(name, f"given.{name}") for name in takes)
+    special = {STEP: "step", CHANCE: "draw_number(given.stream_of_chance)", STREAM: "given.stream_of_chance"}
+    arguments = ", ".join(special.get(name, f"given.given_{name}") for name in takes)
     of_function = digest_function(function, VERSION)
     words = f"{of_function} {takes} {[(name, str(kind)) for name, kind in fields]} {TEXT}"
     digest = of_function and blake2b(words.encode(), digest_size=16).hexdigest()

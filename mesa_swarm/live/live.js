@@ -5,8 +5,8 @@ const PAGE = 65536;
 const SPARE = 2 * 1024 * 1024;
 const STACK = 2 ** 18 - 64;
 const MOST_STEPS = 1000;
-// Of measures, after which every second one is kept.
-const MOST_ROWS = 20000;
+// Of measures, after which every second one is kept; and of the last events.
+const MOST_ROWS = 20000, MOST_EVENTS = 2000;
 const TAKEN = 0;
 const RAISED = -2147483648;
 const VIEWS = {
@@ -91,6 +91,8 @@ export class LiveModel {
     const { rows } = this.#start;
     const names = rows?.names ?? [];
     this.series = { every: 1, steps: [], values: names.map(() => []), last: names.map(() => undefined) };
+    const reported = this.#start.events?.names ?? [];
+    this.events = { names: reported, counts: reported.map(() => 0), last: [] };
     this.#sense();
   }
 
@@ -276,9 +278,26 @@ export class LiveModel {
     series.values = series.values.map(keep);
   }
 
+  /** Take the events that were reported: how many of each name, and the last ones; their buffer begins anew when it is full. */
+  #collectEvents() {
+    const { events: places } = this.#start;
+    if (!places) return;
+    const { most, names } = places, filled = this.#view("i8", places.filled, 1), count = Number(filled[0]);
+    const [step, code, id] = ["step", "code", "unique_id"].map((name) => this.#view("i8", places[name], most));
+    const value = this.#view("f8", places.value, most);
+    for (let k = 0; k < Math.min(count, most); k++) this.events.counts[Number(code[k])] += 1;
+    for (let k = Math.max(0, count - most); k < count; k++) {
+      const row = k % most, name = names[Number(code[row])];
+      this.events.last.push({ step: Number(step[row]), name, robot: Number(id[row]), value: value[row] });
+    }
+    this.events.last = this.events.last.slice(-MOST_EVENTS);
+    filled[0] = 0n;
+  }
+
   /** Take the rows of measures, and empty what only Python reads. */
   #collect() {
     for (const address of this.#start.counts) this.#view("i8", address, 1)[0] = 0n;
+    this.#collectEvents();
     const { rows } = this.#start;
     if (!rows) return;
     const count = this.#view("i8", rows.count, 1), found = Number(count[0]), width = rows.names.length;

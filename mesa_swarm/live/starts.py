@@ -10,6 +10,7 @@ import numpy as np
 from mesa_swarm.base.errors import ExportError
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.kernels.block import ADDRESSES, note_blocks
+from mesa_swarm.kernels.measuring import ONLY
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.plan import Driver
 from mesa_swarm.learning.learner import LearningLayer
@@ -72,9 +73,6 @@ def list_obstacles(model: Any) -> Iterator[str]:
     for part, stage in model.plan.stages:
         if stage.kernel is None:
             yield f"{stage.name} ({part}) in Python{f': {stage.python}' if stage.python else ''}"
-    for process in model.parts.processes.numbered.values():
-        if getattr(process, "events", ()):
-            yield f"process {process.__name__} reports events, which pages do not keep"
     for condition in type(model).conditions:
         if measure_in_place(model, condition.of) is None:
             yield f"stops by {condition.of}, a property in Python"
@@ -104,6 +102,7 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         model.parts.robots.devices.bind(model)
         make_room_for_pairs(model)
         settle_at_start(model)
+        model.parts.events.buffer.wraps[ONLY] = True
         model.parts.replan()
         obstacles = list(list_obstacles(model))
         if obstacles:
@@ -175,6 +174,10 @@ def _places(
     fires = _describe_fires(model, find)
     if fires:
         places["fires"] = fires
+    events = model.parts.events
+    if events.reported:
+        columns = {name: find(getattr(events.buffer, name)) for name in ("step", "code", "unique_id", "value", "filled")}
+        places["events"] = {"names": list(events.reported), "most": len(events.buffer.step), **columns}
     places["shown"] = list(_list_shown(model, find))
     places["moving"] = list(_list_moving(model, find))
     rows = model.driving.rows

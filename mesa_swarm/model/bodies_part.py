@@ -6,15 +6,21 @@ from typing import Any, TypeVar, cast
 
 import mesa
 import numpy as np
-import shapely
-from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
+from mesa_swarm.base.errors import (
+    BehaviourError,
+    InvalidValueError,
+    UnknownNameError,
+    check_choice,
+    shortened,
+    unknown_name,
+)
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block
-from mesa_swarm.kernels.elementary import direction_of
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Stage
+from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.state_hash import describe_bodies
+from mesa_swarm.physics.carrying import Carrying, let_go
 from mesa_swarm.physics.driven_bodies import BeginArrays, EndArrays, Moving, begin_ways, end_ways
 from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
@@ -30,9 +36,8 @@ from mesa_swarm.world.bodies import (
     check_resistance,
     check_temperature,
     handle_classes,
-    placed,
 )
-from mesa_swarm.world.movers import Driven, Movers, find_occupied_room, poses_of_agents
+from mesa_swarm.world.movers import Driven, Movers, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
 from mesa_swarm.world.statics import CARRIED, DRIVEN, FIRE, FIXED, KINDS, LOAD, MOST_KINDS, OBSTACLE, PUSHED, ROBOT
 
@@ -45,9 +50,8 @@ CHANGING = (
     *("position", "heading", "radius", "temperature", "resistance", "pushers", "moved"),
     *("aim", "aim_heading", "blocked", "fresh"),
 )
-# A body is put down in one of these directions (rad), this share of its size from the robot's rim.
-PUT_DOWN = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60]).tolist()
-CLEAR = 1.0 + 1e-6
+# What of them functions of arrays may read besides.
+READ = ("kind", "mode", "carrier")
 POSES, HEAT = "pose of driven bodies", "temperature of bodies"
 
 
@@ -66,6 +70,7 @@ class SceneCache:
     scene: Surroundings | None = None
     table: Any = None  # of the robots' designs
     moves: bool | None = None
+    carrying: Carrying | None = None
     followers = True
 
     def __init__(self) -> None:
@@ -97,7 +102,8 @@ class BodiesPart(Part):
 
         Bodies at rest have no order that a step depends on, which columns have: hashed are the `parameters`.
         """
-        return {name: Column(getattr(self.table, name), None, "index") for name in CHANGING}
+        changing = {name: Column(getattr(self.table, name), None, "index") for name in CHANGING}
+        return {**changing, **{name: Column(getattr(self.table, name), None, "derived") for name in READ}}
 
     def stages(self) -> Iterator[Stage]:
         """Follow agents before robots sense; rest before robots move, and afterwards: where bodies may move."""
@@ -142,6 +148,29 @@ class BodiesPart(Part):
         """Return the bodies that follow an agent."""
         return [body for body in self.movers.agents if body.agent is not None]
 
+    def let_go(self) -> None:
+        """Put carried bodies where processes have sent them."""
+        self.letting_go().run(self.model.completed + 1, len(self.swarm))
+
+    def letting_go(self) -> Kernel:
+        """Return what ends what processes ask of bodies: it refuses what is no place, and lets go of carried ones."""
+        if not len(self.movers):
+            return sequence_of([])
+        carrying = self.carrying()
+        return Kernel(let_go, carrying.block.numbers, carrying, self._refuse_way)
+
+    def _refuse_way(self, code: int) -> None:
+        """Raise an error for the first body that was sent where no body can be; it is to stay where it is."""
+        table, (low, high) = self.table, self.space.dimensions.T
+        aims = np.column_stack([table.aim, table.aim_heading])
+        good = ((table.aim >= low) & (table.aim <= high)).all(axis=1) & np.isfinite(table.aim_heading)
+        row = int(np.argmax(~good))
+        table.aim[row], table.aim_heading[row] = table.position[row], table.heading[row]
+        raise BehaviourError(
+            f"a process sent body {table.agents[row].unique_id} to {shortened(aims[row].tolist())} in step "
+            f"{self.model.steps}; expected x and y within {self.space.dimensions.tolist()} and a finite heading"
+        )
+
     def begin_step(self) -> None:
         """Forget which bodies are new, before anything of a step: from now on all travel."""
         self.table.fresh[:] = False
@@ -160,6 +189,7 @@ class BodiesPart(Part):
             arrays = BeginArrays(
                 pushers=table.pushers,
                 moved=table.moved,
+                fresh=table.fresh,
                 position=table.position,
                 heading=table.heading,
                 start=start[0],
@@ -192,15 +222,15 @@ class BodiesPart(Part):
         scene, prepared = self.scene(), self.cache.ending
         state = self.swarm.version, scene
         if prepared.state != state:
-            table, robots, carried = self.table, self.swarm.columns, self.table.rows(CARRIED)
+            table, robots = self.table, self.swarm.columns
             block = Block(
                 EndArrays(
                     position=table.position,
                     heading=table.heading,
                     aim=table.aim,
                     aim_heading=table.aim_heading,
-                    carried=carried,
-                    carriers=np.array([table.agents[row].carrier.row for row in carried.tolist()], np.int64),
+                    mode=table.mode,
+                    carrier=table.carrier,
                     robot_position=robots["position"],
                     robot_heading=robots["heading"],
                     loads=scene.loads,
@@ -221,10 +251,9 @@ class BodiesPart(Part):
     def carry_along(self) -> None:
         """Put carried bodies where their robots are."""
         table = self.table
-        for row in table.rows(CARRIED).tolist():
-            robot = table.agents[row].carrier
-            table.position[row], table.heading[row] = robot.position, robot.heading
-            table.aim[row], table.aim_heading[row] = table.position[row], table.heading[row]
+        rows, robots = table.rows(CARRIED), self.swarm.columns
+        table.position[rows] = table.aim[rows] = robots["position"][table.carrier[rows]]
+        table.heading[rows] = table.aim_heading[rows] = robots["heading"][table.carrier[rows]]
 
     @property
     def moves(self) -> bool:
@@ -256,8 +285,8 @@ class BodiesPart(Part):
         if len(loads):
             facts["loads"] = [pick_rows(column, loads) for column in (table.position, table.heading, table.resistance)]
         if len(movers):
-            carriers = [-1 if body.carrier is None else body.carrier.row for body in movers.agents]
-            facts["driven"] = [*movers.poses, movers.fresh, movers.blocked, np.array(carriers, np.int64)]
+            columns = table.position, table.heading, table.aim, table.aim_heading, table.fresh, table.blocked
+            facts["driven"] = [pick_rows(column, movers.rows) for column in (*columns, table.carrier)]
         if len(fires):
             facts["fires"] = [pick_rows(column, fires) for column in (table.position, table.radius, table.temperature)]
         return facts
@@ -480,9 +509,10 @@ class BodiesPart(Part):
         row = body.alive()
         if body.carrier is not None or self.carried_by(robot) is not None:
             raise InvalidValueError(f"body {body.unique_id} or robot {robot.unique_id} is taken; release it first")
-        body.carrier, self.table.mode[row] = robot, CARRIED
+        self.table.carrier[row], self.table.mode[row] = robot.row, CARRIED
         self.carry_along()
-        self.cache.scene = None
+        if self.cache.scene is not None and self.cache.scene.moving is not None:
+            self.cache.scene.moving.place()
 
     def release(self, robot: Robot) -> bool:
         """Put down in front of a robot what it carries, and return whether there was room and something to put down.
@@ -493,47 +523,30 @@ class BodiesPart(Part):
         body = self.carried_by(robot)
         if body is None:
             return False
-        distance = float(robot.radius) + CLEAR * body.form.reach
-        for turn in PUT_DOWN:
-            azimuth = float(robot.heading) + turn
-            x, y = robot.position + distance * np.array(direction_of(azimuth))
-            pose = float(x), float(y), wrap_angle(azimuth)
-            if self._has_room_for(body, pose):
-                self._put_down(body, pose)
-                return True
-        return False
+        return self.carrying().release(body.row)
 
     def carried_by(self, robot: Robot) -> Driven | None:
         """Return the body that a robot carries, or None."""
-        carried = (self.table.agents[row] for row in self.table.rows(CARRIED).tolist())
-        return next((body for body in carried if body.carrier is robot), None)
+        rows = np.flatnonzero((self.table.mode == CARRIED) & (self.table.carrier == robot.row))
+        return self.table.agents[rows[0]] if len(rows) else None
 
-    def _has_room_for(self, body: Driven, pose: Pose) -> bool:
-        """Return whether a body in this pose is on the map and overlaps no solid body and no robot."""
-        if not body.form.is_within(pose, self.map.bounds):
-            return False
-        robots = shapely.points(self.swarm.position)
-        gaps = shapely.distance(placed(body.form.outline, pose), robots) - body.form.radius
-        if (gaps < self.swarm.radius).any():
-            return False
-        x, y, _ = pose
-        near = (each for each in find_occupied_room(self.table.agents) if _is_near(*each, x, y, body))
-        return not any(body.form.meets(pose, geometry, radius) for geometry, radius in near)
+    def carrying(self) -> Carrying:
+        """Return what grips, carries and puts down bodies, made anew when bodies or robots have changed."""
+        columns, scene = self.swarm.columns, self.scene()
+        if self.cache.carrying is None or not self.cache.carrying.is_of(columns, scene):
+            self.cache.carrying = Carrying(columns, scene)
+        return self.cache.carrying
 
-    def _put_down(self, body: Driven, pose: Pose) -> None:
-        table, row = self.table, body.row
-        body.carrier, table.mode[row] = None, DRIVEN
-        for place, heading in ((table.position, table.heading), (table.aim, table.aim_heading)):
-            *place[row], heading[row] = pose
-        self.cache.scene = None  # it overlaps no robot: none is disturbed
-
-    def release_from_removed(self) -> None:
-        """Free the bodies that removed robots carried: they stay where they were."""
-        for row in self.table.rows(CARRIED).tolist():
-            body = self.table.agents[row]
-            if body.carrier.row < 0:
-                self._put_down(body, body.pose)
-                self.swarm.disturbed = True
+    def robots_left(self, rows: Sequence[int]) -> None:
+        """Free the bodies that robots carried which were removed from these rows: they stay where they were."""
+        table, gone = self.table, np.unique(np.array(rows, np.int64))
+        carried = table.rows(CARRIED)
+        freed = carried[np.isin(table.carrier[carried], gone)]
+        table.mode[freed], table.carrier[freed] = DRIVEN, -1
+        table.aim[freed], table.aim_heading[freed] = table.position[freed], table.heading[freed]
+        table.carrier[carried] -= np.searchsorted(gone, table.carrier[carried])
+        if len(freed):
+            self.cache.scene, self.swarm.disturbed = None, True
 
     def add_obstacle(self, shape: Shape) -> Obstacle:
         """Add an obstacle or a ground mark and return its agent.
@@ -742,13 +755,6 @@ class BodiesPart(Part):
         return array
 
 
-def _is_near(geometry: BaseGeometry, radius: float, x: float, y: float, body: Driven) -> bool:
-    """Return whether what lies within a radius of a geometry may touch a body with its centre at a point."""
-    x_min, y_min, x_max, y_max = geometry.bounds
-    far = radius + body.form.reach
-    return x_min - far <= x <= x_max + far and y_min - far <= y <= y_max + far
-
-
 def wrap_headings(headings: np.ndarray) -> np.ndarray:
     """Return headings in [-pi, pi), those that are there already unchanged."""
     outside = np.flatnonzero(~((headings >= -np.pi) & (headings < np.pi)))
@@ -762,15 +768,15 @@ def _check_shape(name: str, shape: Shape) -> None:
         raise InvalidValueError(f"{name} is {shortened(shape)}; expected disc(...), rectangle(...) or polygon(...)")
 
 
-def pick_rows(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return rows of a column, ascending: a view of it where they follow each other.
+def pick_rows(column: np.ndarray, rows: np.ndarray) -> np.ndarray | list[np.ndarray]:
+    """Return rows of a column, ascending: a view of it where they follow each other, otherwise a list of such views.
 
     Examples
     --------
     >>> column = np.arange(5.0)
-    >>> pick_rows(column, np.array([1, 2])).base is column, pick_rows(column, np.array([0, 2])).tolist()
-    (True, [0.0, 2.0])
+    >>> pick_rows(column, np.array([1, 2])), pick_rows(column, np.array([0, 2]))
+    (array([1., 2.]), [array([0.]), array([2.])])
     """
-    if len(rows) and rows[-1] - rows[0] == len(rows) - 1:
-        return column[rows[0] : rows[-1] + 1]
-    return column[rows]
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
+    views = [column[run[0] : run[-1] + 1] for run in runs]
+    return views[0] if len(views) == 1 else views

@@ -11,7 +11,7 @@ import numpy as np
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, SwarmError, UnknownNameError, unknown_name
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.custom_functions import compile_custom
-from mesa_swarm.kernels.custom_kernels import CHANCE, STEP, kernel_of_function
+from mesa_swarm.kernels.custom_kernels import CHANCE, STEP, STREAM, kernel_of_function
 from mesa_swarm.kernels.draws import Stream, stream_of
 from mesa_swarm.kernels.part import Context, Kernel, Part, Phase, Stage
 from mesa_swarm.model.process_rule import CHANGEABLE, lock_array
@@ -32,7 +32,8 @@ def compiled_stage(
 
     Yield it from the `stages` of a part. The function is called with what its parameters name: columns and attributes
     of the part, arrays and numbers; columns of the swarm, such as `position`; `step`, the number of the step; `chance`,
-    a number from 0 to 1 drawn from the stream of the part's name; and the numbers that are given here.
+    a number from 0 to 1 drawn from the stream of the part's name; `stream`, from which `draw_number` draws more; and
+    the numbers that are given here.
 
     Parameters
     ----------
@@ -88,9 +89,9 @@ def compiled_stage(
     takes = tuple(inspect.signature(function).parameters)
     known = {**_arrays_of(context.model, part), **numbers}
     for parameter in takes:
-        if parameter not in (*known, STEP, CHANCE):
+        if parameter not in (*known, STEP, CHANCE, STREAM):
             raise UnknownNameError(unknown_name(f"parameter of {function.__name__}", parameter, sorted(known)))
-    values = {parameter: known[parameter] for parameter in takes if parameter not in (STEP, CHANCE)}
+    values = {parameter: known[parameter] for parameter in takes if parameter not in (STEP, CHANCE, STREAM)}
     for parameter, value in values.items():
         if isinstance(value, np.ndarray) and not value.flags.c_contiguous:
             cure = f"set it to np.ascontiguousarray({parameter})"
@@ -98,7 +99,8 @@ def compiled_stage(
     made = kernel_of_function(function, takes, values)
     if made.code is None:
         raise InvalidValueError(f"stage {name} of part {part.name} cannot be compiled: {extract_reason(made.problem)}")
-    stream = stream_of(context.streams[part.name]) if CHANCE in takes else Stream(0, 0)
+    draws = {CHANCE, STREAM} & set(takes)
+    stream = stream_of(context.streams[part.name]) if draws else Stream(0, 0)
     block = Block(made.arrays(*values.values(), stream))
     fail = partial(_fail, context.model, part, name, function, takes, values)
     kernel = Kernel(made.code, block.numbers, block, fail)
@@ -119,7 +121,8 @@ def _run(model: Any, kernel: Kernel) -> None:
 
 def _fail(model: Any, part: Part, name: str, function: Any, takes: tuple[str, ...], values: dict, code: int) -> None:
     """Raise the error of the function, which is called once more for it."""
-    special = {STEP: int(model.steps), CHANCE: 0.5}
+    stream = stream_of(model.streams[part.name])
+    special = {STEP: int(model.steps), CHANCE: 0.5, STREAM: stream}
     try:
         compile_custom(function)(*[values.get(parameter, special.get(parameter)) for parameter in takes])
     except SwarmError:

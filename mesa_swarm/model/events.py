@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, shortened
-from mesa_swarm.kernels.event_rows import EventBuffer
+from mesa_swarm.kernels.event_rows import COUNT, EventBuffer, key_of_name, mix_event
 from mesa_swarm.kernels.measuring import ONLY
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.robots.robot import Robot
@@ -23,6 +23,14 @@ SERIES = {"step": "q", "code": "q", "unique_id": "q", "value": "d"}
 class EventLog:
     """The events of a model, or of a recording, oldest first; add one with `SwarmModel.event`.
 
+    Attributes
+    ----------
+    names : list of str
+        In the order in which they first occurred.
+    digest : uint64 ndarray, shape (2,)
+        How many events happened, those that compiled functions have reported since among them, and 64 bits that depend
+        on all of them in their order: what the fingerprint of a model is of.
+
     Examples
     --------
     >>> log = EventLog()
@@ -33,7 +41,8 @@ class EventLog:
     """
 
     def __init__(self) -> None:
-        self.names: list[str] = []  # in the order in which they first occurred
+        self.names: list[str] = []
+        self.digest = np.zeros(2, np.uint64)
         self._codes: dict[str, int] = {}
         self._counts: list[int] = []
         self._totals: list[float] = []
@@ -81,8 +90,8 @@ class EventLog:
         """Return the sum of the values of events of this name."""
         return self._totals[self._codes[name]] if name in self._codes else 0.0
 
-    def append(self, step: int, name: str, unique_id: int, value: float) -> None:
-        """Add an event."""
+    def append(self, step: int, name: str, unique_id: int, value: float, is_mixed: bool = False) -> None:
+        """Add an event, to the digest as well if that has not got it yet."""
         value = check_number("value of an event", value)
         if not isinstance(name, str) or name not in self._codes:
             self._codes[check_name("name of an event", name)] = len(self.names)
@@ -93,6 +102,8 @@ class EventLog:
         self._totals[self._codes[name]] += value
         for series, number in zip(self._series.values(), (step, self._codes[name], unique_id, value), strict=True):
             series.append(number)
+        if not is_mixed:
+            mix_event(self.digest, step, key_of_name(name), unique_id, value)
 
     def arrays(self) -> dict[str, Any]:
         """Return the names and all series, which together are the state of a log."""
@@ -117,6 +128,7 @@ class EventLog:
             values.clear()
         for values in self._series.values():
             del values[:]
+        self.digest[:] = 0
         for step, code, unique_id, value in zip(*(series[name] for name in SERIES), strict=True):
             self.append(int(step), names[code], int(unique_id), float(value))
 
@@ -152,6 +164,11 @@ class EventsPart(Part):
             self._reported.append(name)
         return self._reported.index(name)
 
+    @property
+    def reported(self) -> list[str]:
+        """The names of the events in the buffer, by their codes."""
+        return self._reported
+
     def flush(self) -> None:
         """Add to the log what compiled functions have reported."""
         if not self._reported:
@@ -160,11 +177,12 @@ class EventsPart(Part):
         count, buffer.filled[ONLY] = int(buffer.filled[ONLY]), 0
         columns = (buffer.step, buffer.code, buffer.unique_id, buffer.value)
         for step, code, unique_id, value in zip(*(column[:count].tolist() for column in columns), strict=True):
-            self.log.append(step, self._reported[code], unique_id, value)
+            self.log.append(step, self._reported[code], unique_id, value, is_mixed=True)
 
     def parameters(self) -> dict[str, Any]:
-        """Return all series of the log."""
-        return self.log.arrays() if len(self.log) else {}
+        """Return the digest of the log, where there are events or may be."""
+        reports = any(getattr(process, "events", ()) for process in self.model.processes)
+        return {"digest": self.log.digest} if reports or self.log.digest[COUNT] else {}
 
     def mark(self) -> dict[str, Any]:
         """Return how many events there are."""

@@ -24,9 +24,9 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.control.source import normal_source, own_randomness
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.custom_functions import compile_custom
-from mesa_swarm.kernels.custom_kernels import CHANCE, STEP, kernel_of_function
+from mesa_swarm.kernels.custom_kernels import CHANCE, STEP, STREAM, kernel_of_function
 from mesa_swarm.kernels.draws import stream_of
-from mesa_swarm.kernels.event_rows import INFINITE, ReportArrays, collect_events
+from mesa_swarm.kernels.event_rows import INFINITE, ReportArrays, collect_events, key_of_name
 from mesa_swarm.kernels.part import Kernel, Prepared
 from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.processes import Process
@@ -34,8 +34,10 @@ from mesa_swarm.robots.devices import warn_of_plain
 
 # The first parameter of a function of the model.
 MODEL = "model"
-# Columns of robots that a function of arrays may change; all others are locked.
+# Columns of robots that a function of arrays may change, and those of bodies that say where driven ones go; all others
+# are locked.
 CHANGEABLE = ("temperature", "tendency")
+SENDING = ("bodies.aim", "bodies.aim_heading")
 
 
 class ProcessRule(Process):
@@ -148,13 +150,19 @@ class ProcessRule(Process):
         """Whether it is a function of the model, in Python."""
         return next(iter(inspect.signature(self.function).parameters), "") == MODEL
 
+    @property
+    def sends_bodies(self) -> bool:
+        """Whether it takes what says where driven bodies go."""
+        takes = inspect.signature(self.function).parameters
+        return not self.takes_model and any(name.replace(".", "_") in takes for name in SENDING)
+
     def check_model(self, model: Any) -> None:
         """Refuse names that a model does not have, and random numbers that its seed does not govern."""
         source = own_randomness(self.function)
         if source and not self.takes_model:
             raise BehaviourError(
                 f"process {self.__name__} uses {source}, which the model's seed does not govern; name chance, a number "
-                "from 0 to 1 that is drawn in each step"
+                "from 0 to 1 that is drawn in each step, or stream, for draw_number(stream)"
             )
         if not self.takes_model:
             self.arguments(model)
@@ -201,7 +209,7 @@ class ProcessRule(Process):
         if self._reports.shape[1] != len(model.swarm):
             self._reports = np.full((len(self.events), len(model.swarm)), np.nan)
         reports = dict(zip(self.events, self._reports, strict=True))
-        numbers = {**self.numbers, STEP: int(model.steps), CHANCE: 0.0}
+        numbers = {**self.numbers, STEP: int(model.steps), CHANCE: 0.0, STREAM: stream_of(self._stream(model))}
         found: dict[str, Any] = {**columns, **self.memory, **reports, **numbers}
         for name in inspect.signature(self.function).parameters:
             if name not in found:
@@ -220,7 +228,8 @@ class ProcessRule(Process):
             is_added = any(part is added for added in model.parts.added())
             for name, (array, *_) in part.columns().items():
                 if id(array) not in arrays_of_swarm:
-                    columns[f"{part_name}.{name}"] = array if is_added else lock_array(array)
+                    key = f"{part_name}.{name}"
+                    columns[key] = array if is_added or key in SENDING else lock_array(array)
         return {name.replace(".", "_"): array for name, array in columns.items()}
 
     def kernel_for(self, model: Any) -> Kernel | None:
@@ -228,15 +237,14 @@ class ProcessRule(Process):
         if self.takes_model:
             return None
         arguments = self.arguments(model)
-        arguments[CHANCE] = self._stream(model)
-        key = [*map(_identity, (*arguments.values(), model.swarm.version, model.parts.events.buffer.filled))]
+        key = [*map(_identity, (*arguments.values(), model.swarm.version, *self._of_events(model)))]
         if self._prepared.state != key:
             self._prepared.state, self._prepared.kernel = key, self._make_kernel(model, arguments)
         return self._prepared.kernel
 
     def _make_kernel(self, model: Any, arguments: dict[str, Any]) -> Kernel | None:
-        generator = arguments.pop(CHANCE)
-        values = {name: value for name, value in arguments.items() if name != STEP}
+        generator = self._stream(model)
+        values = {name: value for name, value in arguments.items() if name not in (STEP, CHANCE, STREAM)}
         if any(isinstance(value, np.ndarray) and not value.flags.c_contiguous for value in values.values()):
             return None
         made = kernel_of_function(self.function, tuple(inspect.signature(self.function).parameters), values)
@@ -250,11 +258,17 @@ class ProcessRule(Process):
         reporting = self._reporting(model)
         return sequence_of([kernel, reporting])._replace(finish=reporting.finish)
 
+    def _of_events(self, model: Any) -> tuple[np.ndarray, ...]:
+        """Return the arrays into which events are collected."""
+        events = model.parts.events
+        return (events.buffer.filled, events.log.digest) if self.events else ()
+
     def _reporting(self, model: Any) -> Kernel:
         """Return the kernel that collects the events that were reported."""
         part, ids = model.parts.events, model.swarm.unique_ids.copy()
         codes = np.array([part.code_of(name) for name in self.events], np.int64)
-        block = Block(ReportArrays(self._reports, codes, ids, part.buffer))
+        keys = np.array([key_of_name(name) for name in self.events], np.uint64)
+        block = Block(ReportArrays(self._reports, codes, keys, ids, part.buffer, part.log.digest))
         return Kernel(collect_events, block.numbers, block, partial(self._attend_events, model), part.flush)
 
     def _attend_events(self, model: Any, code: int) -> None:
@@ -330,10 +344,14 @@ def process(
     | a name in `events` | an array with a row a robot: a number that is set is an event of that robot |
     | `step` | the number of the step, from 1 |
     | `chance` | a number from 0 to 1, drawn in each step |
+    | `stream` | from which ``draw_number(stream)`` draws another one, as often as it is called |
+    | `bodies_aim`, `bodies_aim_heading` | where driven bodies go in the next step, to be changed in place |
     | one with a default | a number, which ``rule(name=value)`` replaces |
 
     It may change the columns temperature and tendency, columns of added parts and memory of layers; all others are
-    locked. A function that Numba refuses is run as plain Python, with a warning.
+    locked. A body that is carried, where ``bodies_carrier[b]`` is not -1, is let go when it is sent elsewhere, and is
+    there at once, if no robot and nothing solid is. A function that Numba refuses is run as plain Python, with a
+    warning.
 
     Parameters
     ----------
@@ -383,7 +401,7 @@ def _process_of(function: Callable, memory: Mapping[str, Any] | None, every: int
         if not isinstance(number, bool):
             check_number(f"{function.__name__}'s {name}", number)
     arrays = {name: check_remembered(function.__name__, name, first) for name, first in (memory or {}).items()}
-    names = check_event_names(function, events, {*numbers, *arrays, STEP, CHANCE})
+    names = check_event_names(function, events, {*numbers, *arrays, STEP, CHANCE, STREAM})
     return ProcessRule(function, numbers, arrays, check_count("every", every, minimum=1), names)
 
 

@@ -73,6 +73,9 @@ class ProcessesPart(Part):
             call, python = partial(process.step, self.model), "" if kernel else "its step is a method or function"
             every = getattr(process, "takes_place_every", 1)
             yield Stage(Phase.PROCESS, call, f"{name} takes place", kernel, every, python=python)
+        if any(getattr(process, "sends_bodies", False) for process in self.numbered.values()):
+            bodies = self.model.parts.bodies
+            yield Stage(Phase.PROCESS, bodies.let_go, "bodies are let go where they were sent", bodies.letting_go())
 
     def parameters(self) -> list:
         """Return the state of processes, and what they are besides."""

@@ -370,7 +370,7 @@ class RobotsPart(Part):
         """Drop the rows of robots that have left the model, and free what they carried."""
         self.swarm.remove(rows)
         self.model.parts.drop_rows("robots", rows)
-        self.model.parts.bodies.release_from_removed()
+        self.model.parts.bodies.robots_left(rows)
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         bodies, streams, world = self.model.parts.bodies, self.model.streams, self.model.map

@@ -31,6 +31,7 @@ from mesa_swarm.model.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.statics import CARRIED, DRIVEN, MODES
 
 # Raised whenever a seed gives other bits than before: 2 since the elementary functions are our own, rules draw by
 # counters, and two layers of one name have a stream each. Recordings and ledgers store it.
@@ -121,16 +122,22 @@ def _list_declared(parts: Any) -> Iterator[tuple[str, Any]]:
     yield from parts["control"].arrays_of_layers()
 
 
+def mode_in_hash(body: Body) -> str:
+    """Return how a body moves, with what robots carry as driven bodies."""
+    return MODES[DRIVEN] if body.mode == MODES[CARRIED] else body.mode
+
+
 def describe_bodies(bodies: Sequence[Body]) -> list:
     """Return what bodies, those at rest too, are: mode, kind, and outlines, of bodies that move about their centres.
 
-    It does not depend on the order in which those at rest were created, as no step does.
+    What robots carry has the mode of driven bodies: who carries it is part of its state. The order in which those at
+    rest were created does not count, as no step depends on it.
     """
     at_rest = [body for body in bodies if body.mode == "fixed"]
     bodies = [*_sort_bodies(at_rest), *(body for body in bodies if body.mode != "fixed")]
     geometries = [body.shape.geometry if body.mode == "fixed" else body.form.outline for body in bodies]  # type: ignore[attr-defined]
     return [
-        ";".join(f"{body.mode} {body.kind} {body.contact}" for body in bodies),
+        ";".join(f"{mode_in_hash(body)} {body.kind} {body.contact}" for body in bodies),
         shapely.get_type_id(geometries),
         shapely.get_num_coordinates(geometries),
         shapely.get_num_interior_rings(geometries),

@@ -17,7 +17,7 @@ from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import direction_of, hypot, sin, vector_lengths
-from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
+from mesa_swarm.kernels.type_names import Codes, Flags, Integers, RealRows, Reals
 from mesa_swarm.physics.arcs import copy_places, least_radius
 from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.shapes import Shape
@@ -33,6 +33,8 @@ DONE, ALONE, WORN = 0, 1, 2
 
 # The place in an array of one number.
 ONLY = 0
+# As NumPy has it: Numba would compile a function once more for each literal.
+IS_CARRIED = np.int8(CARRIED)
 
 
 class MovingItems(NamedTuple):
@@ -48,10 +50,10 @@ class MovingItems(NamedTuple):
 class MoverArrays(NamedTuple):
     """The driven bodies as compiled functions take them.
 
-    The first six are columns of `BodyTable`, of which `rows` are the driven bodies. Then come, with a row for each body
-    of the table, the poses at which bodies began the step and the piece, and which ones have jumped; their outlines,
-    items, the body of each item of `Statics`, -1 for none; and lists of the items that can be touched, within `touch`,
-    or seen, within `sight`, from each cell; and whether the latter are of present poses.
+    The first seven are columns of `BodyTable`, of which `rows` are the driven bodies. Then come, with a row for each
+    body of the table, the poses at which bodies began the step and the piece, and which ones have jumped; their
+    outlines, items, the body of each item of `Statics`, -1 for none; and lists of the items that can be touched, within
+    `touch`, or seen, within `sight`, from each cell; and whether the latter are of present poses.
     """
 
     position: RealRows
@@ -60,6 +62,7 @@ class MoverArrays(NamedTuple):
     aim_heading: Reals
     blocked: Flags
     reach: Reals
+    mode: Codes
     rows: Integers
     start: RealRows
     start_heading: Reals
@@ -81,6 +84,7 @@ class BeginArrays(NamedTuple):
 
     pushers: Integers
     moved: Flags
+    fresh: Flags
     position: RealRows
     heading: Reals
     start: RealRows
@@ -92,16 +96,15 @@ class BeginArrays(NamedTuple):
 class EndArrays(NamedTuple):
     """What `end_ways` takes.
 
-    Columns of bodies, the rows of carried ones and of their robots, and columns of these; what `have_strayed` takes of
-    loads, and whether it was noted that they have.
+    Columns of bodies, and of robots; what `have_strayed` takes of loads, and whether it was noted that they have.
     """
 
     position: RealRows
     heading: Reals
     aim: RealRows
     aim_heading: Reals
-    carried: Integers
-    carriers: Integers
+    mode: Codes
+    carrier: Integers
     robot_position: RealRows
     robot_heading: Reals
     loads: Integers
@@ -141,12 +144,7 @@ class Moving:
             self.body_of[own] = row
         edges = self.items[self.items < len(statics.edges)]
         discs = self.items[self.items >= len(statics.edges)]
-        # What a robot carries is nowhere.
-        carried = bodies.mode == CARRIED
-        statics.edges[edges[carried[self.body_of[edges]]]] = np.nan
-        statics.discs[discs[carried[self.body_of[discs]]] - len(statics.edges), :2] = np.nan
-        edges, discs = (items[~carried[self.body_of[items]]] for items in (edges, discs))
-        forms = [cast(Form, bodies.forms[row]) for row in rows[~carried[rows]].tolist()]
+        forms = [cast(Form, bodies.forms[row]) for row in rows.tolist()]
         own_edges = [edges_of(Shape(form.outline)) for form in forms if not form.radius]
         local = np.concatenate([np.empty((0, 4)), *own_edges])
         disc_row = discs - len(statics.edges)
@@ -159,7 +157,7 @@ class Moving:
         count = len(bodies)
         columns = bodies.position, bodies.heading, bodies.aim, bodies.aim_heading, bodies.blocked, bodies.reach
         scratch = np.empty((count, 2)), np.empty(count), np.zeros(count, np.bool_)
-        begun = *columns, rows, self.start, self.start_heading
+        begun = *columns, bodies.mode, rows, self.start, self.start_heading
         self.arrays = MoverArrays(
             *(*begun, *scratch),
             outlines=outlines,
@@ -214,12 +212,15 @@ class Moving:
 
 @compiled(nogil=True)
 def begin_ways(block, step, first, last):
-    """Forget what bodies did in the last step, and note where they are; without robots Python lets them go."""
+    """Forget what bodies did in the last step, and which are new, and note where they are.
+
+    Without robots Python lets them go.
+    """
     b = unpack(block, BeginArrays)
     if b.gone[ONLY]:
         b.gone[ONLY] = False
         return DONE
-    b.pushers[:], b.moved[:] = 0, False
+    b.pushers[:], b.moved[:], b.fresh[:] = 0, False, False
     if not b.driven:
         return DONE
     copy_places(b.position, b.start)
@@ -233,10 +234,11 @@ def end_ways(block, step, first, last):
     """Forget all requests of bodies, which are done or were blocked, and put carried ones where their robots are."""
     b = unpack(block, EndArrays)
     position, heading = b.position, b.heading
-    for k in range(b.carried.shape[0]):
-        row, robot = b.carried[k], b.carriers[k]
-        position[row, 0], position[row, 1] = b.robot_position[robot, 0], b.robot_position[robot, 1]
-        heading[row] = b.robot_heading[robot]
+    for row in range(heading.shape[0]):
+        if b.mode[row] == IS_CARRIED:
+            robot = b.carrier[row]
+            position[row, 0], position[row, 1] = b.robot_position[robot, 0], b.robot_position[robot, 1]
+            heading[row] = b.robot_heading[robot]
     copy_places(position, b.aim)
     for k in range(heading.shape[0]):
         b.aim_heading[k] = heading[k]
@@ -306,14 +308,30 @@ def place_items(position, heading, outlines, edges, discs):
 
 
 @compiled
+def hide_carried(movers, edges, discs):
+    """Let the items of bodies that robots carry be nowhere."""
+    for item in movers.items:
+        if movers.mode[movers.body_of[item]] == IS_CARRIED:
+            if item < edges.shape[0]:
+                edges[item] = np.nan
+            else:
+                discs[item - edges.shape[0], :2] = np.nan
+
+
+@compiled
 def list_items(edges, discs, items, reach, lists):
-    """List items by the cells from which they are within reach, see `list_boxes_by_cell`; in place."""
+    """List items by the cells from which they are within reach, see `list_boxes_by_cell`; in place.
+
+    Those that are nowhere are not listed.
+    """
     x, y, per_unit, columns, rows = lists.grid
     start, entries = lists.start, lists.items
     start[:] = 0
     for fill in range(2):
         for item in items:
             x_min, y_min, x_max, y_max = item_box(item, edges, discs)
+            if math.isnan(x_min):
+                continue
             left = cell_index(x_min - reach, x, per_unit, columns)
             right = cell_index(x_max + reach, x, per_unit, columns)
             below = cell_index(y_min - reach, y, per_unit, rows)
@@ -409,6 +427,7 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
 def follow_bodies(movers, edges, discs):
     """Write and list the items of all bodies where these are now, from where they can be touched."""
     place_items(movers.position, movers.heading, movers.outlines, edges, discs)
+    hide_carried(movers, edges, discs)
     list_items(edges, discs, movers.items, movers.touch, movers.touch_cells)
     movers.listed[ONLY] = False
 

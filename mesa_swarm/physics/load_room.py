@@ -66,8 +66,8 @@ class Room(NamedTuple):
     """All solids that loads may not overlap, and themselves.
 
     Of `outlines`, the first `still` stand still: edges, the border's first, then discs. The bodies of the `loads`
-    follow, then `driven` bodies, then cores and at last hearts of loads. `near` (still + loads + driven,) is scratch,
-    and `two` the exponent of squares.
+    follow, then `driven` bodies, then cores and hearts of loads, and at last a line, which stands for the way of a
+    body. `near` (still + loads + driven,) is scratch.
     """
 
     outlines: Outlines
@@ -90,7 +90,9 @@ def room_of(statics: Statics, bodies: BodyTable, pushed: np.ndarray, sent: np.nd
     solids = [*lines, *shapely.points(discs[:, :2]), *solid_bodies, *(form.core for form in forms)]
     none = [0.0] * len(forms)
     radius = [*[0.0] * len(lines), *discs[:, 2], *(form.radius for form in (*forms, *driven)), *none, *none]
-    outlines = outlines_of([*solids, *(form.heart for form in forms)], radius)
+    # Last a line that stands for the way of a body.
+    way = shapely.LineString([(0, 0), (0, 0)])
+    outlines = outlines_of([*solids, *(form.heart for form in forms), way], [*radius, 0.0])
     corners = [shapely.get_num_coordinates(form.outline) for form in forms]
     most = len(outlines.points) + len(outlines.solids) * max(corners)
     return Room(

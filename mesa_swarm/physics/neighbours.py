@@ -15,7 +15,7 @@ from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import atan2, direction_of
 from mesa_swarm.kernels.part import Kernel
-from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
+from mesa_swarm.kernels.type_names import Codes, Integers, RealRows, Reals
 from mesa_swarm.physics.broadcasts import NO_LISTS, is_cut_but, is_nearer_robot, sorted_senders
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.sensing import rotate_into_frame
@@ -26,6 +26,8 @@ from mesa_swarm.world.statics import CARRIED, GOES_OUT, KINDS, NOTHING, ROBOT
 
 MOST_NEIGHBOURS = 1000
 LAMP = f"{ACT}lamp"
+# Where what a robot carries is for others: farther than any sensor sees. And the modes of what has none.
+FAR_AWAY, IS_CARRIED, NO_MODES = 1e300, np.int8(CARRIED), np.empty(0, np.int8)
 
 
 @compiled
@@ -78,11 +80,13 @@ class NeighbourReading(NamedTuple):
     """What `read_all_neighbours` takes: the robots that have the sensor, and other arguments of `read_neighbours`.
 
     Places are copied from rows of positions, lamps from the first numbers of a column, which is empty without any.
+    `mode` is that of bodies, empty of robots.
     """
 
     robots: RowsOfSensor
     positions: RealRows
     of_places: Integers
+    mode: Codes
     places: RealRows
     number: Integers
     bodies: Integers
@@ -105,7 +109,10 @@ def read_all_neighbours(block, step, first, last):
     a = unpack(block, NeighbourReading)
     r, places, lamps, lists, driven = a.robots, a.places, a.lamps, a.touch_cells, a.driven
     for k in range(places.shape[0]):
-        places[k, 0], places[k, 1] = a.positions[a.of_places[k], 0], a.positions[a.of_places[k], 1]
+        j = a.of_places[k]
+        places[k, 0], places[k, 1] = a.positions[j, 0], a.positions[j, 1]
+        if a.mode.shape[0] > 0 and a.mode[j] == IS_CARRIED:
+            places[k, 0] = FAR_AWAY
     if a.lamp_column.shape[1] > 0:
         for k in range(lamps.shape[0]):
             lamps[k] = a.lamp_column[k, 0]
@@ -233,6 +240,7 @@ class NeighbourSensor(Sensor):
                 robots=RowsOfSensor.of(model, rows, column, first, int(self.width)),
                 positions=model.swarm.columns["position"] if of_robots else table.position,
                 of_places=np.arange(count) if of_robots else _rows_of_kind(model, self.kind),
+                mode=NO_MODES if of_robots else table.mode,
                 places=np.empty((count, 2)),
                 number=named["number"],
                 bodies=named["bodies"],
@@ -265,13 +273,14 @@ def _robots(model: Any, lamp: bool) -> dict[str, np.ndarray]:
 
 
 def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
-    """Return the same of the bodies of a kind, without those that robots carry and those that are out."""
+    """Return the same of the bodies of a kind, without those that are out; what robots carry is far away."""
     table, rows = model.parts.bodies.table, _rows_of_kind(model, kind)
-    number = table.numbers[rows]
-    return {"places": table.position[rows], "number": number, "bodies": number, "lamps": np.empty(0)}
+    number, places = table.numbers[rows], table.position[rows]
+    places[table.mode[rows] == CARRIED, 0] = FAR_AWAY
+    return {"places": places, "number": number, "bodies": number, "lamps": np.empty(0)}
 
 
 def _rows_of_kind(model: Any, kind: str) -> np.ndarray:
     table, kinds = model.parts.bodies.table, model.kinds
     code = kinds.index(kind) if kind in kinds else NOTHING
-    return np.flatnonzero((table.kind == code) & (table.visible_kinds == code) & (table.mode != CARRIED))
+    return np.flatnonzero((table.kind == code) & (table.visible_kinds == code))

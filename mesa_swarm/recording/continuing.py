@@ -56,7 +56,6 @@ from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import LASTING, Swarm
 from mesa_swarm.world.arena import get_next_id, set_next_id
 from mesa_swarm.world.bodies import BodyTable
-from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.statics import FIRE, FIXED, KINDS
 
 Continued = TypeVar("Continued", bound=EngineModel)
@@ -298,10 +297,7 @@ def _take_bodies(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None
         else:
             rows = moving
         getattr(mine, name)[rows] = getattr(table, name)[rows]
-    mine.mode[moving] = table.mode[moving]
-    for body, was in zip(mine.agents, table.agents, strict=True):
-        if isinstance(body, Driven):
-            body.carrier = None if was.carrier is None else new.swarm.agents[was.carrier.row]
+    mine.mode[moving], mine.carrier[moving] = table.mode[moving], table.carrier[moving]
     for agent, was in zip(other_agents(new), other_agents(old), strict=True):
         if isinstance(agent, ContinuousSpaceAgent):
             agent.position = was.position

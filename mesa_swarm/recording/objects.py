@@ -147,8 +147,8 @@ def restore_objects(model: EngineModel, things: dict, *, from_file: bool = True)
         facts = obstacles[body.unique_id]
         if isinstance(body, Driven):
             body.agent = _agent_of(model, _id(facts["agent"]), agents) if "agent" in facts else None
-            body.carrier = robots_by_id[_id(facts["carrier"])] if "carrier" in facts else None
-            body.table.mode[body.row] = DRIVEN if body.carrier is None else CARRIED
+            carrier = robots_by_id[_id(facts["carrier"])].row if "carrier" in facts else -1
+            body.table.mode[body.row], body.table.carrier[body.row] = DRIVEN if carrier < 0 else CARRIED, carrier
         restore_state(body, facts, model.map.bounds)  # earlier formats have it here
     model.parts.bodies.table.sort()
     model.parts.bodies.changed()
@@ -539,7 +539,7 @@ def _restore_body(model: EngineModel, body: Any, remains: dict) -> None:
         name, mode = ("driven", DRIVEN) if isinstance(body, Driven) else ("load", PUSHED)
         shape, form = _restore_form(remains[name], is_fixed=False)
     if isinstance(body, Driven):
-        body.agent = body.carrier = None
+        body.agent = None
     kinds = model.kinds if kind in model.kinds else (*model.kinds, kind)
     BodyTable(kinds).add(body, shape, form, mode=mode, kind=kinds.index(kind))
     restore_state(body, remains, model.map.bounds)

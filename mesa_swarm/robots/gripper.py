@@ -1,21 +1,20 @@
 """Gripper: an actuator that picks up bodies, and the sensor of what a robot carries."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.overlap import wrap_angle
-from mesa_swarm.kernels.elementary import vector_lengths
+from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.sequence import sequence_of
+from mesa_swarm.physics.carrying import GripArrays, grip_all
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.devices import check_kind, check_spelling
 from mesa_swarm.robots.sensors import Sensor
-from mesa_swarm.world.statics import CARRIED, DRIVEN
 
 LARGEST_REACH = 1e6
-CLOSED = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -89,37 +88,27 @@ class Gripper(Actuator):
 
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Grip and put down what the robots in these rows have set."""
-        if not len(model.movers):
-            return
-        table, closed = model.parts.bodies.table, model.swarm.columns[f"{ACT}{self.name}"][rows] > CLOSED
-        carriers = {table.agents[row].carrier for row in table.rows(CARRIED).tolist()}
-        robots = [model.swarm.agents[row] for row in rows]
-        for robot, grips in zip(robots, closed, strict=True):
-            if robot in carriers and not grips:
-                model.release(robot)
-        empty = [robot for robot, grips in zip(robots, closed, strict=True) if grips and robot not in carriers]
-        within_grip = list(self._near(model, empty)) if empty else []
-        taken_rows, busy = set[int](), set[int]()
-        for _, k, body_row in sorted(within_grip):
-            if body_row not in taken_rows and k not in busy:
-                taken_rows.add(body_row)
-                busy.add(k)
-                model.attach(empty[k], table.agents[body_row])
+        self.kernel_for(model, rows).run(model.completed + 1, len(model.swarm))
 
-    def _near(self, model: Any, robots: list) -> Iterator[tuple[float, int, int]]:
-        """Yield the distance of each body that a robot can grip, the robot's place in the list, and the body's row."""
-        table, positions = model.parts.bodies.table, np.array([robot.position for robot in robots])
-        radii, free = np.array([float(robot.radius) for robot in robots]), table.rows(DRIVEN)
-        apart = vector_lengths(*(table.position[free] - positions[:, None]).transpose(2, 0, 1))
-        pairs = np.argwhere(apart <= radii[:, None] + self.reach + table.reach[free])
-        for k, row in ((k, int(free[place])) for k, place in pairs.tolist()):
-            body = table.agents[row]
-            if body.kind not in self.kinds or body.agent is not None:
-                continue
-            distance, azimuth = body.seen_from(positions[k])
-            gap, bearing = distance - radii[k], wrap_angle(azimuth - float(robots[k].heading))
-            if gap <= self.reach and abs(bearing) <= np.radians(self.field_of_view_degrees) / 2:
-                yield float(gap), k, row
+    def kernel_for(self, model: Any, rows: np.ndarray) -> Kernel:
+        """Return what grips and puts down for the robots in these rows, see `Actuator`."""
+        if not len(model.movers):
+            return sequence_of([])
+        bodies, swarm = model.parts.bodies, model.swarm
+        carrying, codes = bodies.carrying(), [model.kinds.index(kind) for kind in self.kinds if kind in model.kinds]
+        free = np.array([getattr(body, "agent", None) is None for body in bodies.table.agents], np.bool_)
+        arrays = GripArrays(
+            carry=carrying.block.numbers,
+            setting=swarm.columns[f"{ACT}{self.name}"],
+            robots=np.array(rows),
+            grips=np.isin(bodies.table.kind, codes) & free,
+            reach=float(self.reach),
+            half_angle=float(np.radians(self.field_of_view_degrees) / 2),
+            holds=np.full(len(swarm), -1, np.int64),
+            wants=np.zeros(len(swarm), np.bool_),
+        )
+        block = Block(arrays)
+        return Kernel(grip_all, block.numbers, (block, carrying))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -129,15 +118,11 @@ class Carried(Sensor):
     name: str = "carried"
     spoiled: ClassVar[bool] = False
 
-    def arguments(self, model: Any) -> dict[str, np.ndarray]:
-        """Return the code of what each robot of the swarm carries."""
-        codes = np.full(len(model.swarm), -1.0)
-        table = model.parts.bodies.table
-        for row in table.rows(CARRIED).tolist():
-            codes[table.agents[row].carrier.row] = table.kind[row]
-        return {"codes": codes}
-
     @staticmethod
-    def read(rows: np.ndarray, codes: np.ndarray, out: np.ndarray) -> None:  # noqa: D102 - compiled
-        for i in range(len(out)):
-            out[i, 0] = codes[rows[i]]
+    def read(rows: np.ndarray, bodies_carrier: np.ndarray, bodies_kind: np.ndarray, out: np.ndarray) -> None:
+        """Write it for the robots in these rows."""
+        out[:] = -1.0
+        for body in range(len(bodies_carrier)):
+            for i in range(len(rows)):
+                if rows[i] == bodies_carrier[body]:
+                    out[i, 0] = bodies_kind[body]

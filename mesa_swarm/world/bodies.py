@@ -207,6 +207,8 @@ class BodyTable:
         Where driven bodies go in the next step.
     blocked, fresh : bool ndarrays, shape (m,)
         Whether a driven body had to stop in the last step, and whether it was added after that.
+    carrier : int64 ndarray, shape (m,)
+        The row of the robot that carries a body, -1 for none.
 
     Examples
     --------
@@ -234,6 +236,7 @@ class BodyTable:
         "aim_heading": np.zeros(1),
         "blocked": np.zeros(1, bool),
         "fresh": np.zeros(1, bool),
+        "carrier": np.full(1, -1, np.int64),
     }
     position: np.ndarray
     heading: np.ndarray
@@ -250,6 +253,7 @@ class BodyTable:
     aim_heading: np.ndarray
     blocked: np.ndarray
     fresh: np.ndarray
+    carrier: np.ndarray
 
     def __init__(self, kinds: tuple[str, ...] = KINDS) -> None:
         self.kinds = kinds

@@ -16,7 +16,7 @@ from mesa_swarm.world.arena import Arena
 from mesa_swarm.world.bodies import LARGEST_HEADING, Body, BodyTable, Pose, check_pose
 from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Coordinates, Shape
-from mesa_swarm.world.statics import CARRIED, DRIVEN
+from mesa_swarm.world.statics import CARRIED, DRIVEN, MODES
 
 
 class Movers:
@@ -100,11 +100,16 @@ class Driven(Body):
 
     added_as = "driven"
     agent: Any
-    carrier: Any  # the robot that carries it
 
     def __init__(self, *arguments: Any, agent: Agent | None = None, **keywords: Any) -> None:
-        self.agent, self.carrier = agent, None
+        self.agent = agent
         super().__init__(*arguments, **keywords)
+
+    @property
+    def carrier(self) -> Any:
+        """The robot that carries it, or None."""
+        row = int(self.table.carrier[self.row])
+        return None if row < 0 else self.model.swarm.agents[row]
 
     @property
     def movers(self) -> BodyTable:
@@ -184,7 +189,8 @@ class Driven(Body):
 
     def remove(self) -> None:
         """Take the body out of the world, between two steps."""
-        self.table.mode[self.alive()], self.carrier = DRIVEN, None
+        row = self.alive()
+        self.table.mode[row], self.table.carrier[row] = DRIVEN, -1
         super().remove()
 
     def alive(self) -> int:
@@ -216,7 +222,7 @@ def find_occupied_room(bodies: Iterable[Body]) -> Iterator[tuple[BaseGeometry, f
     """
     for body in bodies:
         if isinstance(body, Driven):
-            if body.carrier is None:
+            if body.mode != MODES[CARRIED]:
                 yield room_on_way(body)
         elif body.contact:
             yield body.shape.geometry, body.shape.radius

@@ -37,8 +37,11 @@ MODELS = {
     "cooperative_transport": ({"n_robots": 12, "load": "box"}, {"resistance": 1.0}),
     "fire_fighting": ({"strategy": "A", "n_robots": 20}, {"k1": 0.001}),
     "flocking": ({"n_robots": 20}, {}),
+    "foraging": ({"n_robots": 20, "thresholds": "no", "items": 40}, {}),
     "perimeter": ({"n_robots": 12}, {}),
+    "puck_clustering": ({"n_robots": 8, "rows": 2}, {"many": 5}),
     "q_learning": ({"n_robots": 10}, {"gamma": 0.5}),
+    "shepherding": ({"n_robots": 2, "n_sheep": 20, "neighbours": 10}, {}),
     "signposts": ({"n_robots": 30, "moves": 200}, {"evaporation": 0.05}),
     "task_allocation": ({"n_robots": 20}, {"demand": 2.0}),
 }
@@ -184,8 +187,6 @@ def test_what_a_page_cannot_begin_with_is_refused_and_the_run_goes_on(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "reason"), [
-    ("foraging", "robots read their sensors (robots) in Python: carried, need"),
-    ("shepherding", "stops by is_home, a property in Python"),
     ("learning_fires", "end_round takes place (processes) in Python"),
 ])  # fmt: skip
 def test_what_is_python_in_a_step_is_refused_in_one_line_that_names_it(name, reason):
@@ -196,7 +197,7 @@ def test_what_is_python_in_a_step_is_refused_in_one_line_that_names_it(name, rea
 
 
 def test_pages_of_the_gallery_are_compiled_at_once_but_for_those_that_have_python():
-    assert compile_pages(["fire_fighting", "foraging"]) == ["fire_fighting"]
+    assert compile_pages(["fire_fighting", "learning_fires"]) == ["fire_fighting"]
 
 
 @process(events=("passed",))
@@ -204,11 +205,21 @@ def report(passed):
     passed[0] = 1.0
 
 
-def test_events_are_refused_since_pages_do_not_keep_them():
+@pytest.mark.slow
+def test_events_are_those_of_python_and_their_number_and_the_last_ones_are_kept(tmp_path):
     model = assembled(1)
     model.add_process(report)
-    with pytest.raises(ExportError, match="process report reports events, which pages do not keep"):
-        LivePage(model, ())
+    body = """
+    model.step(6000);
+    const { names, counts, last } = model.events;
+    return [names, counts, last.length, last.at(-1), model.hash()];
+    """
+    names, counts, length, last, found = ask_node(LivePage(model), body, tmp_path)
+    model.run(6000)
+    assert (names, counts) == (["passed"], [6000])
+    assert 1000 <= length < 6000
+    assert last == {"step": 6000, "name": "passed", "robot": model.swarm.agents[0].unique_id, "value": 1.0}
+    assert found == model.state_hash()
 
 
 @pytest.mark.slow
