@@ -26,7 +26,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT_FIRE, Choice, Seed, Slider, SwarmModel, process
+from mesa_swarm import AGENT_FIRE, Choice, Seed, Slider, SwarmModel, process, value
 from mesa_swarm.control import Avoid, Explore, Follow, Subsumption
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.fire import FightFire
@@ -35,13 +35,17 @@ from mesa_swarm.learning.fire_learning import LearnFires
 CONTROLLERS = ("shared", "own", "A", "B", "follower", "random")
 
 
-@process
-def end_round(model: "LearningFires") -> None:
-    """Begin a round when all fires are out or the step limit is reached."""
-    out, lasted = model.fires.out, model.steps - model.round_began
-    if out.all() or lasted >= model.round_steps:
-        model.rounds.append([lasted, int(out.all()), int(out[np.argmax(model.fires.area)])])
-        model.light_again()
+def rounds(
+    fires_out: np.ndarray, fires_robots: np.ndarray, fires_light: np.ndarray, lasted: np.ndarray, all_out: np.ndarray,
+    largest_out: np.ndarray, began: np.ndarray, at_largest: np.ndarray, lit_at: np.ndarray, step: int,
+    largest: int = 0, round_steps: int = 6_000,
+) -> None:  # fmt: skip
+    """End a round when all fires are out or the step limit is reached: events of the first robot; and begin another."""
+    at_largest[0] = fires_robots[largest]
+    if len(lasted) > 0 and (fires_out.all() or step - began[0] >= round_steps):
+        lasted[0], all_out[0], largest_out[0] = step - began[0], fires_out.all(), fires_out[largest]
+        began[0], at_largest[0] = step, 0
+        fires_light[:] = lit_at
 
 
 class LearningFires(SwarmModel):
@@ -53,6 +57,8 @@ class LearningFires(SwarmModel):
 
     compares = "controller", CONTROLLERS
     steps_to_compare = 60_000
+    # Number of robots that fight the largest fire.
+    robots_at_largest = value("rounds.at_largest")
 
     def __init__(
         self,
@@ -74,35 +80,27 @@ class LearningFires(SwarmModel):
         super().__init__(map=map, rng=rng, history_every=0, model_reporters={"robots_at_largest": "robots_at_largest"})
         if not len(self.fires):
             raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
-        self.round_steps, self.round_began = check_count("round_steps", round_steps, minimum=1), 0
-        self.rounds: list[list[int]] = []  # steps of each, whether all fires went out, whether the largest did
         self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
         learner = LearnFires(
             arrival=arrival, put_out=put_out, step_cost=step_cost, alpha=alpha, gamma=gamma, beta=beta,
             first_temperature=first_temperature, last_temperature=last_temperature,
             shared=controller == "shared", frozen=controller == "random",
         )  # fmt: skip
-        self.add_process(end_round)
+        most = check_count("round_steps", round_steps, minimum=1)
+        memory = {"began": 0, "at_largest": 0, "lit_at": self.fires.temperature}
+        counting = process(memory=memory, events=("lasted", "all_out", "largest_out"))(rounds)
+        self.add_process(counting(largest=int(np.argmax(self.fires.area)), round_steps=most))
         self.control = Subsumption(*_layers(check_choice("controller", controller, CONTROLLERS), learner))
 
     @property
-    def robots_at_largest(self) -> int:
-        """Number of robots that fight the largest fire."""
-        return int(self.fires.robots[np.argmax(self.fires.area)])
-
-    def light_again(self) -> None:
-        """Remove all fires and relight them at their positions."""
-        self.round_began = self.steps
-        for layer in (layer for layer in self.control.layers if isinstance(layer, LearnFires)) if self.control else ():
-            layer.begin_again()
-        for fire in self.fires:
-            fire.remove()
-        for spot in self.map.fires:
-            self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
+    def rounds(self) -> np.ndarray:
+        """Of each round, a row: how many steps it lasted, whether all fires went out, and whether the largest did."""
+        names, values = self.events.name, self.events.value
+        return np.column_stack([values[names == name] for name in ("lasted", "all_out", "largest_out")])
 
     def results(self) -> dict[str, float | None]:
         """Return the results of the second half: of the rounds, and of the steps with robots at the largest fire."""
-        later = np.array(self.rounds[len(self.rounds) // 2 :], dtype=float)
+        later = self.rounds[len(self.rounds) // 2 :]
         lasted, out, largest = later.mean(axis=0) if len(later) else (None,) * 3
         fighting = np.array(self.datacollector.model_vars["robots_at_largest"][self.steps // 2 :], dtype=float)
         together = fighting[fighting > 1].sum() / fighting.sum() if fighting.any() else None

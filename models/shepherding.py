@@ -115,8 +115,8 @@ def towards_nearest(i: int, places: np.ndarray, neighbours: int) -> tuple[float,
 
 def walk(
     position: np.ndarray, bodies_position: np.ndarray, bodies_aim: np.ndarray, bodies_kind: np.ndarray,
-    ahead_x: np.ndarray, ahead_y: np.ndarray, home: np.ndarray, stream: Any, sheep: int = 0, neighbours: int = 0,
-    spread: float = 50.0,
+    ahead_x: np.ndarray, ahead_y: np.ndarray, away: np.ndarray, home: np.ndarray, stream: Any, sheep: int = 0,
+    neighbours: int = 0, spread: float = 50.0,
 ) -> None:  # fmt: skip
     """Send all sheep a stride, and look whether the flock is at the target."""
     flock = np.flatnonzero(bodies_kind == sheep)
@@ -138,8 +138,8 @@ def walk(
         bodies_aim[flock[i], 0] = min(max(x + STRIDE * way[0], 0.0), SIDE)
         bodies_aim[flock[i], 1] = min(max(y + STRIDE * way[1], 0.0), SIDE)
     centre_x, centre_y, far_x, far_y = look(places)
-    there = math.hypot(centre_x - TARGET[0], centre_y - TARGET[1]) < NEAR
-    home[0] = there and math.hypot(far_x - centre_x, far_y - centre_y) < spread
+    away[0] = math.hypot(centre_x - TARGET[0], centre_y - TARGET[1])
+    home[0] = away[0] < NEAR and math.hypot(far_x - centre_x, far_y - centre_y) < spread
 
 
 class Shepherding(SwarmModel):
@@ -154,7 +154,8 @@ class Shepherding(SwarmModel):
     compares = "n_sheep", (16, 24)
     steps_to_compare = 2_000
     headline = "brought home at", "brought the flock to the target"
-    is_home = value("walk.home")
+    # Distance of the flock's centre from the target, map units; whether the flock is there.
+    away, is_home = value("walk.away"), value("walk.home")
     stops = until("is_home", equals=1)
 
     def __init__(
@@ -165,17 +166,19 @@ class Shepherding(SwarmModel):
         neighbours: Annotated[int, Slider(0, 200, 1, "others to which a sheep is attracted, 0 for all")] = 0,
         rng: Seed = None,
     ) -> None:
-        super().__init__(map=FIELD, rng=rng)
+        super().__init__(map=FIELD, rng=rng, model_reporters={"away": "away"})
         n = check_count("n_sheep", n_sheep, minimum=2, maximum=1000)
-        for place in self.streams["sheep"].uniform(*START, (n, 2)).tolist():
+        places = self.streams["sheep"].uniform(*START, (n, 2))
+        for place in places.tolist():
             self.add_body(disc(place, METRE / 2), kind="sheep")
         sheep, spread = self.kind_code("sheep"), APART * n ** (2 / 3)
         eyes = (*all_round(12, range=8 * METRE).sensors, Camera(sheep=sheep))
         robot = RobotDesign(sensors=eyes, radius=METRE, max_speed=1.5 * STRIDE, drive=HolonomicDrive())
         self.add_robots(robot, check_count("n_robots", n_robots))
         others = min(check_count("neighbours", neighbours) or n, n - 1)
-        walking = process(memory={"ahead_x": np.zeros(n), "ahead_y": np.zeros(n), "home": False})(walk)
-        self.add_process(walking(sheep=sheep, neighbours=others, spread=spread))
+        away = math.hypot(*(places.mean(axis=0) - TARGET))
+        memory = {"ahead_x": np.zeros(n), "ahead_y": np.zeros(n), "away": away, "home": False}
+        self.add_process(process(memory=memory)(walk)(sheep=sheep, neighbours=others, spread=spread))
         self.control = Subsumption(herd(sheep=sheep, spread=spread, behind=APART * n**0.5))
 
     @property

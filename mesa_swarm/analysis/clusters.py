@@ -140,7 +140,7 @@ def clusters(position: np.ndarray, distance: float, *, fewest: int = 2) -> Clust
 
 
 @compiled
-def link_groups(position, distance, label):
+def link_groups(position: np.ndarray, distance: float, label: np.ndarray) -> int:
     """Write the group of each robot, or other place, and return the number of groups; for compiled processes.
 
     Groups are those of `clusters` with ``fewest=1``, numbered by their first rows. The time grows with the square of

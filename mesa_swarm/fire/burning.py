@@ -11,6 +11,8 @@ from mesa_swarm.kernels.type_names import Codes, Flags, Integers, RealRows, Real
 from mesa_swarm.world.statics import FIRE, OBSTACLE
 
 NO_FIRE = -1
+# The step in which a fire went out that burns.
+NOT_YET = -1
 
 
 class HeatArrays(NamedTuple):
@@ -68,6 +70,42 @@ class Burning:
     def kernel_for(self, model: Any) -> Kernel:
         """Return what lets the fires of a model burn."""
         return model.parts.fires.burning()
+
+
+class LightArrays(NamedTuple):
+    """What `light_all` takes.
+
+    Temperatures that are asked for, NaN for none, and the rows of fires in the table of bodies; the temperature of
+    bodies; of fires which are out, since when, and robots at each; the fire of each robot; and what fires are seen as.
+    """
+
+    asked: Reals
+    rows: Integers
+    heat_of: Reals
+    out: Flags
+    out_step: Integers
+    fighters: Integers
+    fire: Integers
+    seen_as: Codes
+
+
+@compiled(nogil=True)
+def light_all(block, step, first, last):
+    """Light the fires again for which this is asked, and release the robots at them; return whether one cannot be."""
+    a = unpack(block, LightArrays)
+    for f in range(a.asked.shape[0]):
+        if not math.isnan(a.asked[f]) and not 0.0 < a.asked[f] <= 1.0:
+            return 1
+    for f in range(a.asked.shape[0]):
+        if math.isnan(a.asked[f]):
+            continue
+        a.heat_of[a.rows[f]], a.asked[f] = a.asked[f], math.nan
+        a.out[f], a.out_step[f], a.fighters[f] = False, NOT_YET, 0
+        a.seen_as[f] = FIRE
+        for i in range(a.fire.shape[0]):
+            if a.fire[i] == f:
+                a.fire[i] = NO_FIRE
+    return 0
 
 
 @compiled(nogil=True)

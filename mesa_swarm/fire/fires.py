@@ -50,6 +50,8 @@ class Fires:
         The step in which it went out, -1 while it burns.
     robots : int64 ndarray, shape (f,)
         How many fight it now.
+    asked : ndarray, shape (f,)
+        The temperature at which a process asks for each to be lit again, NaN for none.
     rows : int64 ndarray, shape (f,)
         Of the fires in the table of bodies, which has position, radius and temperature; these are copies.
     history : History
@@ -144,6 +146,7 @@ class Fires:
         self._publish()
 
     def _publish(self) -> None:
+        self.asked = np.full(len(self.agents), np.nan)
         for name, column in self.own.items():
             setattr(self, name, locked_view(column))
 

@@ -1,18 +1,20 @@
 """The part `fires`: fires as discs that radiate heat, what burns of them, and the heat in robots."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
+from functools import partial
 from operator import is_not
 from typing import Any
 
 import numpy as np
 
-from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, check_number, shortened
 from mesa_swarm.base.trigger import Trigger
-from mesa_swarm.fire.burning import Burning, HeatArrays, burn_all
+from mesa_swarm.fire.burning import Burning, HeatArrays, LightArrays, burn_all, light_all
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
+from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.maps.map import RADIUS_OF_UNIT_AREA
 from mesa_swarm.model.robots_part import check_stored_numbers
 from mesa_swarm.world.shapes import Shape, disc
@@ -54,11 +56,48 @@ class FiresPart(Part):
                 name: Column(column, None, "parameter" if name == "area" else "state") for name, column in fires.items()
             },
             **{f"robots.{name}": Column(robots[name], "robots") for name in OF_ROBOTS},
+            "light": Column(self.fires.asked, None, "derived"),
         }
 
     def stages(self) -> Iterator[Stage]:
         """Store a row of the history, if one is due."""
         yield Stage(Phase.COLLECT, self.store_history, "temperatures of fires are stored", self.storing())
+
+    def answer(self, asked: Container[str]) -> Iterator[Stage]:
+        """Light fires again where processes have asked for it; `asked` are the columns that these write."""
+        if "fires.light" in asked and len(self.fires):
+            yield Stage(Phase.PROCESS, self.light, "fires are lit again", self.lighting())
+
+    def light(self) -> None:
+        """Light the fires again for which processes have asked."""
+        self.lighting().run(self.model.steps, len(self.model.swarm))
+
+    def lighting(self) -> Kernel:
+        """Return what lights fires again, and lets layers note it that count fires which go out."""
+        fires, scene, control = self.fires, self.model.parts.bodies.scene(), self.model.control
+        arrays = LightArrays(
+            asked=fires.asked,
+            rows=scene.rows[len(scene.rows) - scene.apart :].copy(),
+            heat_of=scene.bodies.temperature,
+            out=fires.own["out"],
+            out_step=fires.own["out_step"],
+            fighters=fires.own["robots"],
+            fire=self.model.swarm.columns["fire"],
+            seen_as=scene.statics.seen_as,
+        )
+        block = Block(arrays)
+        layers = [] if control is None else control.layers
+        noting = [layer.kernel_of_lighting(fires.asked) for layer in layers if hasattr(layer, "kernel_of_lighting")]
+        return sequence_of([*noting, Kernel(light_all, block.numbers, block, partial(self._refuse_to_light, arrays))])
+
+    def _refuse_to_light(self, arrays: LightArrays, code: int) -> None:
+        """Raise an error for the first temperature at which no fire can be lit, and forget what was asked."""
+        index = int(np.argmax(~np.isnan(arrays.asked) & ~((arrays.asked > 0) & (arrays.asked <= 1))))
+        asked, arrays.asked[:] = arrays.asked[index], np.nan
+        raise BehaviourError(
+            f"a process asked for fire {self.fires[index].unique_id} to be lit at temperature {asked:g} in step "
+            f"{self.model.steps}; expected above 0, at most 1"
+        )
 
     def parameters(self) -> list | None:
         """Return the constants of what burns, None where nothing does."""

@@ -1,15 +1,17 @@
 """What a user's compiled functions call in place of `math.sin` and the like: the elementary functions of the package.
 
 So a rule of a user computes the same bits on every machine as well. A pass of Numba's compiler exchanges them, of
-numbers; arrays keep NumPy's, and `math.tan` and others that are not in `kernels.elementary` those of the C library.
+numbers, and ``x ** y``; arrays keep NumPy's, and `math.tan` and others that are not in `kernels.elementary` those of
+the C library.
 """
 
 import math
+import operator
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from types import CodeType
-from typing import Any
+from types import CodeType, FunctionType
+from typing import Any, cast
 
 import numpy as np
 from numba import njit, typeof
@@ -22,8 +24,9 @@ from numba.extending import overload
 
 from mesa_swarm.kernels import elementary
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.digests import FUNCTIONS, digest_source
-from mesa_swarm.kernels.elementary import direction_of, exp, hypot
+from mesa_swarm.kernels.custom_code import rename_function
+from mesa_swarm.kernels.digests import FUNCTIONS, digest_function, digest_source
+from mesa_swarm.kernels.elementary import direction_of, exp, hypot, power, whole_power
 
 # Names in `math`, and in NumPy.
 UNARY = {"sin": "sin", "cos": "cos", "atan": "arctan", "exp": "exp", "log": "log", "log1p": "log1p", "expm1": "expm1"}
@@ -97,6 +100,28 @@ def exchange_binary(own: Callable, other: Callable) -> Callable:
     return function
 
 
+def raise_number(x: Any, y: Any) -> Any:
+    """Return x to the power y, in compiled code by the functions of the package if either is a real number."""
+    return x**y
+
+
+@overload(raise_number)
+def _choose_power(x: Any, y: Any) -> Callable:
+    def of_whole_number(x: Any, y: Any) -> Any:
+        return whole_power(1.0 * x, int(y))
+
+    def of_number(x: Any, y: Any) -> Any:
+        return power(1.0 * x, 1.0 * y)
+
+    def of_others(x: Any, y: Any) -> Any:
+        return x**y
+
+    if isinstance(types.unliteral(x), types.Float) and isinstance(types.unliteral(y), types.Integer):
+        return of_whole_number
+    is_real = types.Float in (type(types.unliteral(x)), type(types.unliteral(y)))
+    return of_number if is_real and is_number(x) and is_number(y) else of_others
+
+
 def is_left_out(kind: Any) -> bool:
     """Return whether a type of Numba's is that of an argument that was not given."""
     return kind is None or isinstance(kind, (types.Omitted, types.NoneType))
@@ -133,6 +158,7 @@ def _exchanged() -> Iterator[tuple[Callable, Callable]]:
             own = getattr(elementary, name)
             for other in (getattr(math, name), getattr(np, name_in_numpy)):
                 yield other, exchange(own, other)
+    yield math.pow, exchange_binary(power, math.pow)
     yield np.exp, exchange_of_complex(exp_of_complex, exp_of_real, np.exp)
     for magnitude in (abs, np.abs):
         yield magnitude, exchange_of_complex(magnitude_of, magnitude, magnitude)
@@ -160,6 +186,18 @@ def constant_of(code: Any, assignment: Any) -> Any:
         return None
 
 
+def is_power(code: Any, expression: Any) -> bool:
+    """Return whether an expression is ``x ** y`` or ``x **= y``, the exponent not a constant whole number."""
+    if not isinstance(expression, ir.Expr) or expression.op not in ("binop", "inplace_binop"):
+        return False
+    if (expression.fn if expression.op == "binop" else expression.immutable_fn) is not operator.pow:
+        return False
+    try:
+        return not isinstance(code.infer_constant(expression.rhs), int)
+    except Exception:  # Numba's, of what is not a constant
+        return True
+
+
 def function_instead(value: Any) -> Callable | None:
     """Return which function is to be called in place of one, None for those that stay."""
     try:
@@ -181,13 +219,27 @@ def is_ours(code: CodeType) -> bool:
 
 @cache
 def exchange_functions(function: Dispatcher) -> Dispatcher:
-    """Return a compiled function of the user's, compiled again with the functions of the package."""
-    return njit(pipeline_class=CustomCompiler, **user_options(function))(function.py_func)
+    """Return a compiled function of the user's, compiled again with the functions of the package.
+
+    It has a name that no other has, since code that calls it may be stored.
+    """
+    plain = cast(FunctionType, function.py_func)
+    own = rename_function(plain, digest_function(plain, VERSION))
+    return njit(pipeline_class=CustomCompiler, **user_options(function))(own)
 
 
 def user_options(function: Dispatcher) -> dict[str, Any]:
     """Return what compiled functions keep of the user's options."""
     return {name: function.targetoptions[name] for name in OPTIONS if name in function.targetoptions}
+
+
+def call_power(block: Any, assignment: Any) -> None:
+    """Let a function be called in place of an operator."""
+    place, where = assignment.loc, block.body.index(assignment)
+    function = ir.Var(block.scope, f"$power_{where}_{place.line}_{place.col or 0}", place)
+    block.body.insert(where, ir.Assign(ir.Global("raise_number", raise_number, place), function, place))
+    operands = assignment.value.lhs, assignment.value.rhs
+    assignment.value = ir.Expr.call(function, operands, (), place)
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -202,7 +254,11 @@ class _Exchange(FunctionPass):
     def run_pass(self, state: Any) -> bool:
         code, has_changed = state.func_ir, False
         for block in code.blocks.values():
-            for assignment in block.find_insts(ir.Assign):
+            for assignment in list(block.find_insts(ir.Assign)):
+                if is_power(code, assignment.value):
+                    call_power(block, assignment)
+                    has_changed = True
+                    continue
                 value = constant_of(code, assignment)
                 function: Any = exchange_functions(value) if is_of_user(value) else function_instead(value)
                 if function is not None:

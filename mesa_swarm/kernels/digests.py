@@ -2,8 +2,9 @@
 
 Numba's own cache finds code by the file of a function, and so does not notice when what that calls, or a value that it
 uses, has changed; and it makes all code of a file anew when a comment in it has. Here the name of a file is a digest of
-the function's bytecode, of the values that it uses, and of the functions of mesa_swarm that it calls. A function that
-uses anything else than numbers, texts, arrays, NumPy, Numba's own and these functions has no digest.
+the function's bytecode, of the values that it uses, and of the functions that it calls, of mesa_swarm and compiled ones
+of a user's. A function that uses anything else than numbers, texts, arrays, NumPy, Numba's own and these functions has
+no digest.
 """
 
 import builtins
@@ -21,6 +22,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba.core.dispatcher import Dispatcher
 from numba.core.types import Type
 from numba.extending import intrinsic
 
@@ -155,7 +157,8 @@ def _value(value: Any, called: dict[FunctionType, None]) -> Any:
 def _by_name(value: Any, called: dict[FunctionType, None]) -> Any:
     """Return the name of what never changes, and of functions of the package, which are described besides.
 
-    Other compiled functions are refused: in the code that calls them they have names that others may have.
+    Compiled functions of a user's are described where they are used. `custom_functions` compiles them under names that
+    no other has; otherwise they would have names, in the code that calls them, that others may have.
     """
     home = getattr(value, "__module__", None) or ""
     function = getattr(value, "py_func", value)
@@ -170,10 +173,13 @@ def _by_name(value: Any, called: dict[FunctionType, None]) -> Any:
         return name_type(value)
     if isinstance(value, Intrinsic):
         return value._defn.__qualname__, digest_source(value._defn.__code__.co_filename)
-    return _name_constant(value, home)
+    return _name_constant(value, home, called)
 
 
-def _name_constant(value: Any, home: str) -> tuple[Any, ...]:
+def _name_constant(value: Any, home: str, called: dict[FunctionType, None]) -> tuple[Any, ...]:
+    if isinstance(value, Dispatcher):  # one that calls itself ends in a RecursionError, and so has no digest
+        options = sorted((name, repr(option)) for name, option in value.targetoptions.items())
+        return value.py_func.__qualname__, options, _describe(value.py_func, called)
     if home.partition(".")[0] in CONSTANT and isinstance(value, (type, BuiltinFunctionType, FunctionType)):
         return home, value.__qualname__
     if isinstance(value, type) and hasattr(value, "_fields"):

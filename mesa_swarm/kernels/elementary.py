@@ -367,10 +367,16 @@ def exp(x):
     >>> exp(1.0)
     2.718281828459045
     """
+    return exp_of_sum(x, 0.0)
+
+
+@compiled
+def exp_of_sum(x, rest):
+    """Return e to the power x + rest, of which the rest is small beside x."""
     if not LEAST_EXPONENT <= x <= LARGEST_EXPONENT:
         return x if math.isnan(x) else math.inf if x > 0.0 else 0.0
     k = math.floor(x * PER_LOG_2 + 0.5)
-    high, low = x - k * LOG_2, k * LOG_2_REST
+    high, low = x - k * LOG_2, k * LOG_2_REST - rest
     r, power = high - low, int(k)
     near = 1.0 + r
     value = near + ((1.0 - near) + r - expm1_lacks(r, (high - r) - low))
@@ -465,6 +471,99 @@ def scale_expm1(r, rest, k):
         return (value * 2.0 * power_of_2(k - 1) if k > BIAS else value * power_of_2(k)) - 1.0
     small = power_of_2(-k)
     return ((1.0 - small) - (e - r) if k < 20 else (r - (e + small)) + 1.0) * power_of_2(k)
+
+
+# ---- powers
+
+THIRD, THIRD_REST, FIFTH, FIFTH_REST = 1.0 / 3.0, 1.850371707708594e-17, 0.2, -1.1102230246251566e-17
+# 1 / 7, 1 / 9 and so on, of the series of the logarithm.
+ODD_PARTS = 1.0 / np.arange(7.0, 31.0, 2.0)
+# Beyond this exponent a power is 0 or infinite, but of 1.
+LARGEST_POWER = 2.0**65
+
+
+@compiled
+def log_in_two(x):
+    """Return the logarithm of a positive number as the sum of two, right to about 2**-66 of it.
+
+    Of 2**k (1 + f) it is k log 2 + 2 (s + s**3 / 3 + s**5 / 5 + ...) with s = f / (2 + f), the first terms in pairs of
+    numbers (Dekker 1971).
+    """
+    k, f = split_number(x if x >= LEAST_NORMAL else x * 2.0**54)
+    k = float(k) if x >= LEAST_NORMAL else k - 54.0
+    below = 2.0 + f
+    s = f / below
+    product, error = product_and_error(s, below)
+    s_rest = ((f - product) - error - s * (f - (below - 2.0))) / below
+    z, error = product_and_error(s, s)
+    z_rest, tail = error + 2.0 * s * s_rest, 0.0
+    for part in ODD_PARTS[::-1]:
+        tail = tail * z + part
+    tail *= z * z
+    a, error = product_and_error(z, FIFTH)
+    q = a + tail
+    q_rest = (a - q) + tail + (error + z_rest * FIFTH + z * FIFTH_REST)
+    v = THIRD + q
+    v_rest = (THIRD - v) + q + (THIRD_REST + q_rest)
+    u, error = product_and_error(z, v)
+    w = 1.0 + u
+    w_rest = (1.0 - w) + u + (error + z * v_rest + z_rest * v)
+    p, error = product_and_error(2.0 * s, w)
+    p_rest = error + 2.0 * (s * w_rest + s_rest * w)
+    first = k * LOG_2
+    total = first + p
+    return total, ((first - total) + p if k != 0.0 else 0.0) + (p_rest + k * LOG_2_REST)
+
+
+@compiled
+def power(x, y):
+    """Return x to the power y, as `math.pow` does; NaN of what is negative to a power that is not whole.
+
+    Examples
+    --------
+    >>> power(2.0, 0.5), power(-2.0, 3.0)
+    (1.4142135623730951, -8.0)
+    """
+    if y == 0.0 or x == 1.0:
+        return 1.0
+    is_whole = math.isinf(y) or np.floor(y) == y
+    if math.isnan(x) or math.isnan(y) or (x < 0.0 and not is_whole and not math.isinf(x)):
+        return math.nan
+    is_odd = is_whole and not math.isinf(y) and y - 2.0 * np.floor(0.5 * y) == 1.0
+    return (math.copysign(1.0, x) if is_odd else 1.0) * power_of_size(abs(x), y)
+
+
+@compiled
+def power_of_size(x, y):
+    """Return the power of a number that is not negative; the exponent is not 0."""
+    if x == 1.0:
+        return 1.0
+    if x == 0.0 or math.isinf(x) or abs(y) >= LARGEST_POWER:
+        return math.inf if (x > 1.0) == (y > 0.0) else 0.0
+    high, low = log_in_two(x)
+    product, error = product_and_error(y, high)
+    return exp_of_sum(product, error + y * low)
+
+
+@compiled
+def whole_power(x, n):
+    """Return x to the power of a whole number, by squaring: 1 / x to the power -n of a negative one.
+
+    Examples
+    --------
+    >>> whole_power(0.5, 3), whole_power(2.0, -1)
+    (0.125, 0.5)
+    """
+    result, left = 1.0, abs(n)
+    while left > 0:
+        if left & 1:
+            result *= x
+        left >>= 1
+        x *= x
+    return result if n >= 0 else 1.0 / result
+
+
+# ---- hyperbolic tangent
 
 
 @compiled

@@ -68,7 +68,7 @@ def key_of_name(name: str) -> np.uint64:
 
     Examples
     --------
-    >>> key_of_name("lost") == key_of_name("lost"), key_of_name("lost") == key_of_name("found")
+    >>> int(key_of_name("lost")) == int(key_of_name("lost")), int(key_of_name("lost")) == int(key_of_name("found"))
     (True, False)
     """
     return np.uint64(int.from_bytes(blake2b(name.encode(), digest_size=8).digest(), "little"))

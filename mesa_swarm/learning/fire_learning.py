@@ -8,9 +8,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from mesa_swarm.base.errors import check_count, check_number
-from mesa_swarm.control.layer import RobotColumns, Senses, nearest_of
+from mesa_swarm.control.layer import RobotColumns, Senses, kernel_with, nearest_of
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.elementary import whole_power
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Integers, Reals, RealTables
 from mesa_swarm.learning.actions import best_of, chosen
 from mesa_swarm.learning.learner import (
@@ -216,6 +218,11 @@ class LearnFires(TableLayer[SkillPolicy]):
         self._column("before")[self._robots.columns["fire"] >= 0] = -1
         self._column("last")[:] = -1
 
+    def kernel_of_lighting(self, asked: np.ndarray) -> Kernel:
+        """Return what does the same in a run, where any of the numbers that `asked` holds, one a fire, is not NaN."""
+        fire = self._robots.columns["fire"]
+        return kernel_with(forget_fires, ForgetArrays(asked, fire, self._column("before"), self._column("last")))
+
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, "SkillRule"]:
         """Return what learns and chooses."""
         names = "values", "situation", "skill", "last", "before", "kept", "lessons", "gain", "temperature"
@@ -235,6 +242,27 @@ class LearnFires(TableLayer[SkillPolicy]):
         skill = columns.get(f"{self._prefix}.skill", -1)
         chose = f"it chose to {SKILLS[int(skill)]}" if skill >= 0 else "it chose by what it learned"
         return Reason(f"{chose}: it is {SITUATIONS[now]}")
+
+
+class ForgetArrays(NamedTuple):
+    """What `forget_fires` takes: temperatures at which fires are to be lit, and columns of robots."""
+
+    asked: Reals
+    fire: Integers
+    before: Integers
+    last: Integers
+
+
+@compiled(nogil=True)
+def forget_fires(block, step, first_row, last_row):
+    """Let robots forget the fires that they fought, if any fire is lit again."""
+    a = unpack(block, ForgetArrays)
+    if np.isnan(a.asked).all():
+        return 0
+    for i in range(a.fire.shape[0]):
+        a.before[i] = -1 if a.fire[i] >= 0 else a.before[i]
+        a.last[i] = -1
+    return 0
 
 
 class SkillRule(NamedTuple):
@@ -289,7 +317,7 @@ def learn_skills(block, step, first_row, last_row):
         now = situation_of(kind, i, fire[i] >= 0, hot[i], robots.heat[i])
         if skill[i] >= 0:
             stood = robots.last_command[i, 0] == 0.0 and robots.last_command[i, 1] == 0.0
-            gain[i] += gamma ** age[i] * paid(fire[i], before[i], last[i], hot[i], stood, rule.rewards)
+            gain[i] += whole_power(gamma, age[i]) * paid(fire[i], before[i], last[i], hot[i], stood, rule.rewards)
             age[i] += 1
             lessons[i] += 0 if frozen else 1
         if fire[i] >= 0:
@@ -298,7 +326,7 @@ def learn_skills(block, step, first_row, last_row):
         if skill[i] < 0 or now != situation[i] or age[i] >= rule.hold:
             if skill[i] >= 0 and not frozen:
                 best = values[row, now, best_of(values[row, now])]
-                target = gain[i] + gamma ** age[i] * best
+                target = gain[i] + whole_power(gamma, age[i]) * best
                 values[row, situation[i], skill[i]] += alpha * (target - values[row, situation[i], skill[i]])
             situation[i], age[i], gain[i] = now, 0, 0.0
             skill[i] = chosen(values[row, now], temperature[i], rule.lesson.chance[i])

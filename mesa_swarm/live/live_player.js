@@ -337,7 +337,7 @@ class LivePlayer {
   showReadings() {
     const { last: numbers } = this.model.series;
     document.querySelectorAll("#readings b").forEach((cell) => {
-      const last = numbers[Number(cell.dataset.row)];
+      const { row, event } = cell.dataset, last = event === undefined ? numbers[Number(row)] : this.model.events.counts[Number(event)];
       cell.textContent = last === undefined ? "–" : asText(last);
     });
     this.drawChart();
@@ -433,7 +433,8 @@ class LivePlayer {
 
   describeReadings() {
     const names = this.model.start.rows?.names ?? [], general = ["collisions", "total_collisions"];
-    find("measures").hidden = !names.length;
+    const events = this.model.events.names;
+    find("measures").hidden = !names.length && !events.length;
     // What the model itself counts stands before what every model does.
     const order = [...names.keys()].sort((one, other) => general.includes(names[one]) - general.includes(names[other]));
     this.#curve = order[0] ?? 0;
@@ -446,6 +447,10 @@ class LivePlayer {
       };
       const button = make("button", { type: "button", "aria-pressed": String(k === this.#curve), title: "Show its chart", click: choose }, inWords(name));
       find("readings").append(make("li", {}, button, make("b", { "data-row": String(k) }, "–")));
+    });
+    events.forEach((name, k) => {
+      const text = make("span", { title: "How many such events there were" }, `events: ${inWords(name)}`);
+      find("readings").append(make("li", {}, text, make("b", { "data-event": String(k) }, "–")));
     });
   }
 
@@ -598,6 +603,7 @@ async function start() {
     hash: () => model.hash(),
   });
   Object.defineProperty(swarm, "steps", { get: () => model.steps });
+  Object.defineProperty(swarm, "events", { get: () => model.events });
   Object.defineProperty(swarm, "memory", { get: () => model.memory });
   Object.defineProperty(swarm, "stage", { get: () => player.stage });
   Object.defineProperty(swarm, "parameters", { get: () => model.parameters });

@@ -10,6 +10,7 @@ import numpy as np
 from mesa_swarm.base.errors import ExportError
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.kernels.block import ADDRESSES, note_blocks
+from mesa_swarm.kernels.event_rows import EventBuffer
 from mesa_swarm.kernels.measuring import ONLY
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.plan import Driver
@@ -176,7 +177,7 @@ def _places(
         places["fires"] = fires
     events = model.parts.events
     if events.reported:
-        columns = {name: find(getattr(events.buffer, name)) for name in ("step", "code", "unique_id", "value", "filled")}
+        columns = {name: find(getattr(events.buffer, name)) for name in EventBuffer._fields}
         places["events"] = {"names": list(events.reported), "most": len(events.buffer.step), **columns}
     places["shown"] = list(_list_shown(model, find))
     places["moving"] = list(_list_moving(model, find))

@@ -1,6 +1,6 @@
 """The part `bodies`: obstacles, loads, driven bodies and marks, and the scene that they make."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any, TypeVar, cast
 
@@ -147,6 +147,11 @@ class BodiesPart(Part):
     def followers(self) -> list[Driven]:
         """Return the bodies that follow an agent."""
         return [body for body in self.movers.agents if body.agent is not None]
+
+    def answer(self, asked: Container[str]) -> Iterator[Stage]:
+        """Let bodies go where processes have sent them; `asked` are the columns that these write."""
+        if "bodies.aim" in asked or "bodies.aim_heading" in asked:
+            yield Stage(Phase.PROCESS, self.let_go, "bodies are let go where they were sent", self.letting_go())
 
     def let_go(self) -> None:
         """Put carried bodies where processes have sent them."""

@@ -34,10 +34,10 @@ from mesa_swarm.robots.devices import warn_of_plain
 
 # The first parameter of a function of the model.
 MODEL = "model"
-# Columns of robots that a function of arrays may change, and those of bodies that say where driven ones go; all others
-# are locked.
+# Columns of robots that a function of arrays may change, and those of parts that ask for something: where driven bodies
+# go, and which fires are lit again. All others are locked.
 CHANGEABLE = ("temperature", "tendency")
-SENDING = ("bodies.aim", "bodies.aim_heading")
+ASKING = ("bodies.aim", "bodies.aim_heading", "fires.light")
 
 
 class ProcessRule(Process):
@@ -151,10 +151,10 @@ class ProcessRule(Process):
         return next(iter(inspect.signature(self.function).parameters), "") == MODEL
 
     @property
-    def sends_bodies(self) -> bool:
-        """Whether it takes what says where driven bodies go."""
-        takes = inspect.signature(self.function).parameters
-        return not self.takes_model and any(name.replace(".", "_") in takes for name in SENDING)
+    def asks(self) -> tuple[str, ...]:
+        """The columns of parts that it writes to ask for something."""
+        takes = () if self.takes_model else inspect.signature(self.function).parameters
+        return tuple(name for name in ASKING if name.replace(".", "_") in takes)
 
     def check_model(self, model: Any) -> None:
         """Refuse names that a model does not have, and random numbers that its seed does not govern."""
@@ -229,7 +229,7 @@ class ProcessRule(Process):
             for name, (array, *_) in part.columns().items():
                 if id(array) not in arrays_of_swarm:
                     key = f"{part_name}.{name}"
-                    columns[key] = array if is_added or key in SENDING else lock_array(array)
+                    columns[key] = array if is_added or key in ASKING else lock_array(array)
         return {name.replace(".", "_"): array for name, array in columns.items()}
 
     def kernel_for(self, model: Any) -> Kernel | None:
@@ -346,6 +346,7 @@ def process(
     | `chance` | a number from 0 to 1, drawn in each step |
     | `stream` | from which ``draw_number(stream)`` draws another one, as often as it is called |
     | `bodies_aim`, `bodies_aim_heading` | where driven bodies go in the next step, to be changed in place |
+    | `fires_light` | a row a fire: a number above 0 lights it again after this step, at that temperature |
     | one with a default | a number, which ``rule(name=value)`` replaces |
 
     It may change the columns temperature and tendency, columns of added parts and memory of layers; all others are

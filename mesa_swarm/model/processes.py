@@ -73,9 +73,10 @@ class ProcessesPart(Part):
             call, python = partial(process.step, self.model), "" if kernel else "its step is a method or function"
             every = getattr(process, "takes_place_every", 1)
             yield Stage(Phase.PROCESS, call, f"{name} takes place", kernel, every, python=python)
-        if any(getattr(process, "sends_bodies", False) for process in self.numbered.values()):
-            bodies = self.model.parts.bodies
-            yield Stage(Phase.PROCESS, bodies.let_go, "bodies are let go where they were sent", bodies.letting_go())
+        asked = {name for process in self.numbered.values() for name in getattr(process, "asks", ())}
+        for part in self.model.parts.values():
+            if asked and hasattr(part, "answer"):
+                yield from part.answer(asked)
 
     def parameters(self) -> list:
         """Return the state of processes, and what they are besides."""

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from operator import is_not
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pyarrow as pa
@@ -302,7 +303,8 @@ class Chunk:
         self._fields = [pictures.get(name) for name in layout.fields]
         self._pixels = [self._picture_rows(*pair) for pair in zip(layout.fields, self._fields, strict=True)]
         self._sums = np.zeros((capacity, len(self._fields), 2), layout.real)
-        self._log = model.events
+        # The model is not to be kept by its recording.
+        self._log, self._events = model.events, ref(model.parts.events)
         # How many events there were before each row, and after the last.
         self.event_counts = np.zeros(capacity + 1, np.int64)
         standing = [name for name in layout.columns if name not in layout.of_parts]
@@ -336,8 +338,15 @@ class Chunk:
         pictures = pictures_of(model)
         return all(_is_same(pictures.get(n), field) for n, field in zip(self.layout.fields, self._fields, strict=True))
 
+    def _flush_events(self) -> None:
+        """Let the log have what compiled functions have reported, before its events are counted."""
+        events = self._events()
+        if events is not None:
+            events.flush()
+
     def put(self, model: EngineModel, row: int, state_hash: str | None, event_count: int) -> None:
         """Store the present state of the model as a row; `event_count` events are in rows before the first one."""
+        self._flush_events()
         if not row:
             self.event_counts[0] = event_count
         self.event_counts[row + 1] = len(self._log)
@@ -378,6 +387,7 @@ class Chunk:
 
         `event_count` events are in rows before these.
         """
+        self._flush_events()
         self.hashes[first:end] = [None] * (end - first)
         self.event_counts[first : end + 1] = event_count
         if len(self._log) > event_count:

@@ -116,8 +116,42 @@ def test_an_angle_is_right_to_one_unit_in_the_last_place(y, x):
         assert units_off(own.atan2(y, x), exact) <= 1.0
 
 
+@given(st.floats(1e-300, 1e300), st.floats(-1.0, 1.0), st.booleans())
+def test_a_power_is_right_to_one_unit_in_the_last_place(x, share, whole):
+    y = share * 690.0 / max(abs(math.log(x)), 1e-300)
+    y = float(round(y)) if whole else y
+    assume(y != 0.0 and abs(y) < 1e15)
+    with localcontext() as context:
+        context.prec = DIGITS
+        assert units_off(own.power(x, y), (Decimal(x).ln() * Decimal(y)).exp()) <= 1.0
+
+
+@given(st.floats(1e-4, 1e4), st.integers(-60, 60))
+def test_a_power_of_a_whole_number_is_a_product(x, n):
+    product = 1.0
+    for _ in range(abs(n)):
+        product *= x
+    assert own.whole_power(-x, n) * (-1) ** n == own.whole_power(x, n)
+    assert own.whole_power(x, n) == pytest.approx(product if n >= 0 else 1.0 / product, rel=1e-13)
+
+
 def same(a, b):
     return (math.isnan(a) and math.isnan(b)) or (a == b and math.copysign(1.0, a) == math.copysign(1.0, b))
+
+
+def test_powers_are_those_of_python_at_zeros_infinities_and_negative_numbers():
+    numbers = [*SPECIAL, -2.0, 3.0, -3.0, 0.5, -0.5, 1e300, -1e300, 1e16, 2.0**53 + 2]
+    for x in numbers:
+        for y in numbers:
+            try:
+                expected = math.pow(x, y)
+            except OverflowError:
+                expected = math.copysign(math.inf, x) if y % 2 == 1 else math.inf
+            except ValueError:
+                is_odd = y % 2 == 1
+                expected = math.nan if x else math.copysign(math.inf, x) if is_odd else math.inf
+            ours = own.power(x, y)
+            assert same(ours, expected) or abs(ours - expected) <= math.ulp(expected), (x, y)
 
 
 @pytest.mark.parametrize("name", ["atan2", "hypot"])
@@ -180,6 +214,25 @@ def test_a_compiled_function_of_a_user_calls_them_for_numbers_in_every_notation(
             *(own.cos(x), own.sin(x), own.hypot(x, y)),
         )
         assert compiled(x, y) == expected
+
+
+def test_powers_in_a_compiled_function_of_a_user_are_of_the_package_in_every_notation():
+    def powers(x, y, n):
+        growing = x
+        growing **= y
+        return x**y, x**n, math.pow(x, y), growing, x**0.5, x**2, 3**n, x**-2, 2.0**n
+
+    compiled = compile_custom(powers)
+    for x, y in np.random.default_rng(5).uniform(0.1, 3.0, (50, 2)).tolist():
+        expected = own.power(x, y), own.whole_power(x, 5), own.power(x, y), own.power(x, y), own.power(x, 0.5)
+        assert compiled(x, y, 5) == (*expected, x * x, 243, pytest.approx(1 / (x * x)), 32.0)
+
+
+def test_powers_of_arrays_and_complex_numbers_are_as_before():
+    found = compile_custom(lambda values, y: (values**y, (1j * y) ** 2.0, values ** np.float64(2.0)))
+    squares, negative, others = found(np.array([1.0, 2.0]), 3.0)
+    assert (squares.tolist(), others.tolist()) == ([1.0, 8.0], [1.0, 4.0])
+    assert negative == pytest.approx(-9.0)
 
 
 def test_a_compiled_function_of_a_user_keeps_functions_of_arrays_and_of_whole_numbers():

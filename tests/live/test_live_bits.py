@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, process
+from mesa_swarm import AGENT9, SwarmModel, process, scatter
 from mesa_swarm.control import (
     PASS,
     Avoid,
@@ -21,7 +21,7 @@ from mesa_swarm.control import (
 )
 from mesa_swarm.errors import ExportError
 from mesa_swarm.live.live_page import LivePage, compile_pages
-from mesa_swarm.model.gallery import find_model
+from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.recording.continuing import continued
 from support.live_pages import ask_node, hashes_in_node, hashes_in_python
 
@@ -38,6 +38,7 @@ MODELS = {
     "fire_fighting": ({"strategy": "A", "n_robots": 20}, {"k1": 0.001}),
     "flocking": ({"n_robots": 20}, {}),
     "foraging": ({"n_robots": 20, "thresholds": "no", "items": 40}, {}),
+    "learning_fires": ({"n_robots": 20, "controller": "own", "round_steps": 800}, {"gamma": 0.5}),
     "perimeter": ({"n_robots": 12}, {}),
     "puck_clustering": ({"n_robots": 8, "rows": 2}, {"many": 5}),
     "q_learning": ({"n_robots": 10}, {"gamma": 0.5}),
@@ -186,18 +187,30 @@ def test_what_a_page_cannot_begin_with_is_refused_and_the_run_goes_on(tmp_path):
     assert steps == 10
 
 
-@pytest.mark.parametrize(("name", "reason"), [
-    ("learning_fires", "end_round takes place (processes) in Python"),
+@process
+def count_steps(model):
+    model.state["steps"] = model.steps
+
+
+@pytest.mark.parametrize(("added", "reason"), [
+    (lambda model: model.add_process(count_steps), "count_steps takes place (processes) in Python"),
+    (lambda model: scatter(model, 3, speed=0.5), "Wander takes place (processes) in Python"),
 ])  # fmt: skip
-def test_what_is_python_in_a_step_is_refused_in_one_line_that_names_it(name, reason):
+def test_what_is_python_in_a_step_is_refused_in_one_line_that_names_it(added, reason):
+    model = assembled(1)
+    added(model)
     with pytest.raises(ExportError, match=re.escape(reason)) as caught:
-        LivePage(find_model(name)(rng=1), ())
+        LivePage(model, ())
     assert "\n" not in str(caught.value)
     assert "@process" in str(caught.value)
 
 
-def test_pages_of_the_gallery_are_compiled_at_once_but_for_those_that_have_python():
-    assert compile_pages(["fire_fighting", "learning_fires"]) == ["fire_fighting"]
+def test_pages_of_the_gallery_are_compiled_at_once():
+    assert compile_pages(["fire_fighting"]) == ["fire_fighting"]
+
+
+def test_every_model_of_the_gallery_is_a_page():
+    assert MODELS.keys() == set(gallery_names())
 
 
 @process(events=("passed",))

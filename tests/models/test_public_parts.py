@@ -14,7 +14,7 @@ from mesa_swarm_studies.registry import items
 PUBLIC = {
     "mesa_swarm",
     *(f"mesa_swarm.{room}" for room in ("control", "analysis", "model.parameters", "errors")),
-    *("numpy", "mesa", "shapely"),
+    *("numpy", "mesa", "numba", "shapely"),
 }
 STANDARD = set(sys.stdlib_module_names)
 PAPERS = {name: item for name, item in items().items() if item.source == "paper"}

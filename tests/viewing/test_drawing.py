@@ -128,12 +128,14 @@ def test_a_trail_is_the_last_part_of_a_way_or_all_of_a_shorter_one():
 
 @pytest.fixture(scope="module")
 def moments():
-    """Steps of a model in which food is carried, eaten, and added."""
+    """Steps of a model in which food is carried, and removed and added by hand."""
     model, frames, scenes = Foraging(n_robots=6, rng=1), [], []
     for _ in range(5):
         model.run(80)
         frames.append(frame_of(model, PICTURED))
         scenes.append(scene_of(model))
+        next(body for body in model.movers.agents if body.carrier is None).remove()
+        model.add_food()
     return WorldDrawing(frames=frames, scene=scene_of_all(scenes), seconds=4.0, name="own")
 
 

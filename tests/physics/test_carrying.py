@@ -1,0 +1,222 @@
+"""What robots carry, as compiled code grips it, puts it down and lets it go: the same as Shapely finds."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mesa_swarm import (
+    AGENT9,
+    Carried,
+    Gripper,
+    Map,
+    RobotDesign,
+    SwarmModel,
+    disc,
+    draw_number,
+    polygon,
+    process,
+    rectangle,
+)
+from mesa_swarm.base.errors import BehaviourError
+from mesa_swarm.control import Explore, Subsumption, behaviour
+from mesa_swarm.world.bodies import placed
+from mesa_swarm.world.movers import find_occupied_room
+
+DESIGN = RobotDesign(sensors=(*AGENT9.sensors, Carried()), actuators=(Gripper(reach=4.0, field_of_view_degrees=150),))
+FLOOR = Map(name="floor", bounds=(0, 0, 100, 100))
+TURNS = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60])
+SHAPES = {
+    "disc": lambda x, y: disc((x, y), 2.0),
+    "bar": lambda x, y: rectangle((x - 4, y - 1), (x + 4, y + 1)),
+    "hook": lambda x, y: polygon([(x, y), (x + 6, y), (x + 6, y + 2), (x + 2, y + 2), (x + 2, y + 6), (x, y + 6)]),
+}
+shapes, places = st.sampled_from(sorted(SHAPES)), st.tuples(st.floats(20, 80), st.floats(20, 80))
+
+
+@behaviour
+def hold(me, grip=1.0):
+    me.act.grip = grip
+    return 0.0, 0.0
+
+
+def crowded(shape, others, around):
+    """Return a model with a robot that carries a body of a shape, other bodies, robots and obstacles."""
+    model = SwarmModel(map=FLOOR, rng=1)
+    carried = model.add_body(SHAPES[shape](30, 30), kind="puck")
+    for name, place in others:
+        model.add_body(SHAPES[name](*place), kind="puck")
+    model.add_obstacle(rectangle((60, 40), (75, 90)))
+    model.add_obstacle(disc((40, 62), 9))
+    model.add_robots(DESIGN, poses=[(50, 50, 0.3), *((x, y, 0.0) for x, y in around)])
+    model.attach(model.robots[0], carried)
+    return model, carried
+
+
+def place_by_shapely(model, carried):
+    """Return where a body is to be put down, None where there is no room, by geometries alone."""
+    robot = carried.carrier
+    for turn in TURNS:
+        azimuth, far = float(robot.heading) + turn, float(robot.radius) + (1 + 1e-6) * carried.form.reach
+        pose = robot.position[0] + far * math.cos(azimuth), robot.position[1] + far * math.sin(azimuth), azimuth
+        core = placed(carried.form.core, pose).buffer(carried.form.core_radius, 256)
+        robots = [shapely.Point(other.position).buffer(float(other.radius), 256) for other in model.robots]
+        solid = [geometry.buffer(radius, 256) for geometry, radius in find_occupied_room(model.bodies)]
+        inside = shapely.box(*model.map.bounds).covers(core)
+        if inside and all(shapely.intersection(core, other).area < 1e-6 for other in (*robots, *solid)):
+            return pose
+    return None
+
+
+@given(shapes, st.lists(st.tuples(shapes, places), max_size=4), st.lists(places, max_size=3))
+def test_a_body_is_put_down_where_shapely_finds_the_first_room(shape, others, around):
+    model, carried = crowded(shape, others, around)
+    pose = place_by_shapely(model, carried)
+    assert model.release(model.robots[0]) == (pose is not None)
+    if pose is not None:
+        assert carried.position == pytest.approx(pose[:2], abs=1e-9)
+
+
+@given(st.lists(st.tuples(shapes, places), min_size=1, max_size=6), st.floats(-3, 3))
+def test_the_nearest_body_within_reach_is_gripped_and_no_other(others, heading):
+    model = SwarmModel(map=FLOOR, rng=1)
+    bodies = [model.add_body(SHAPES[name](*place), kind="puck") for name, place in others]
+    model.add_robots(DESIGN, poses=[(50, 50, heading)])
+    robot, gaps = model.robots[0], []
+    for body in bodies:
+        distance, azimuth = body.seen_from(np.array([50.0, 50.0]))
+        bearing = math.remainder(azimuth - heading, math.tau)
+        near = distance - robot.radius <= 4.0 and abs(bearing) <= math.radians(75)
+        gaps.append(distance if near else math.inf)
+    model.swarm.columns["act.grip"][:] = 1.0
+    model.parts.robots.devices.act(model, model.parts.bodies.scene())
+    carried = [body.carrier is not None for body in bodies]
+    assert sum(carried) == (min(gaps) < math.inf)
+    if sum(carried):
+        assert gaps[carried.index(True)] == pytest.approx(min(gaps), abs=1e-9)
+
+
+def test_what_was_sent_elsewhere_keeps_its_way_free_until_it_is_there():
+    model = SwarmModel(rng=1)
+    one, other = (model.add_body(disc((x, 100), 2), kind="puck") for x in (200, 300))
+    model.add_robots(DESIGN, poses=[(100, 100, 0.0)])
+    model.run(1)
+    model.attach(model.robots[0], one)
+    other.position = (107, 100)
+    assert model.release(model.robots[0])
+    assert np.hypot(*(one.position - (107, 100))) >= 4.0
+
+
+def test_robots_below_a_removed_one_still_carry_what_they_carried():
+    model = SwarmModel(rng=1)
+    pucks = [model.add_body(disc((100 + 50 * k, 300), 2), kind="puck") for k in range(4)]
+    model.add_robots(DESIGN, poses=[(100 + 50 * k, 100, 0.0) for k in range(4)])
+    model.control = Subsumption(hold())
+    robots = list(model.robots)
+    for robot, puck in zip(robots, pucks, strict=True):
+        model.attach(robot, puck)
+    model.remove_robots([robots[0], robots[2]])
+    assert [puck.carrier for puck in pucks] == [None, robots[1], None, robots[3]]
+    model.run(3)
+    assert pucks[3].position.tolist() == robots[3].position.tolist()
+
+
+# ---- processes that send bodies
+
+
+@process(memory={"done": 0})
+def send(bodies_aim, bodies_carrier, done, x=300.0, y=300.0):
+    for b in range(len(bodies_carrier)):
+        if bodies_carrier[b] >= 0:
+            bodies_aim[b, 0], bodies_aim[b, 1] = x, y
+            done[0] += 1
+
+
+def carrying(**sent):
+    model = SwarmModel(rng=1)
+    puck = model.add_body(disc((108, 100), 2), kind="puck")
+    model.add_robots(DESIGN, poses=[(100, 100, 0.0), (300, 250, 0.0)])
+    model.control = Subsumption(hold())
+    model.attach(model.robots[0], puck)
+    return model, puck, model.add_process(send(**sent))
+
+
+def test_a_process_sends_what_is_carried_elsewhere_and_it_is_there_at_once():
+    model, puck, _ = carrying()
+    model.run(1)
+    assert (puck.carrier, puck.position.tolist()) == (None, [300.0, 300.0])
+    model.run(1)
+    assert model.robots[0].carried.tolist() == [-1]
+
+
+def test_what_is_sent_where_a_robot_is_stays_with_its_robot_until_there_is_room():
+    model, puck, sending = carrying(y=253.0)
+    model.run(3)
+    assert puck.carrier is model.robots[0]
+    model.robots[1].position = (500, 250)
+    model.run(1)
+    assert (puck.carrier, puck.position.tolist()) == (None, [300.0, 253.0])
+    assert sending.done == 4
+
+
+@pytest.mark.parametrize("sent", [{"x": -5.0}, {"x": 1e9}, {"y": 1e300}])
+def test_a_place_that_is_not_on_the_map_is_refused_in_one_line_and_forgotten(sent):
+    model, puck, _ = carrying(**sent)
+    with pytest.raises(BehaviourError, match=r"^a process sent body \d+ to \[.*\] in step 1; expected x and y within"):
+        model.run(1)
+    assert puck.carrier is model.robots[0]
+    model.parts.processes.have({})
+    model.run(5)
+
+
+@process
+def drift(bodies_aim, bodies_kind, kind=0, stride=1.0):
+    for b in range(len(bodies_kind)):
+        if bodies_kind[b] == kind:
+            bodies_aim[b, 0] += stride
+
+
+def test_bodies_go_where_a_process_sends_them_and_robots_give_way():
+    model = SwarmModel(rng=1)
+    sheep = model.add_body(disc((100, 100), 5), kind="sheep")
+    model.add_robots(AGENT9, poses=[(115, 100, 0.0)])
+    model.add_process(drift(kind=model.kind_code("sheep")))
+    assert "driven: up to 1000 steps" in str(model.run(1).plan)
+    model.run(30)
+    assert sheep.position.tolist() == [130.0, 100.0]
+    assert np.hypot(*(model.robots[0].position - sheep.position)) >= 10.0 - 1e-6
+
+
+def test_a_process_reads_where_bodies_are_and_cannot_move_them_itself():
+    @process
+    def shove(bodies_position):
+        bodies_position[0, 0] = 3.0
+
+    model = SwarmModel(rng=1)
+    model.add_body(disc((100, 100), 5))
+    model.add_process(shove)
+    with pytest.warns(match="plain Python"), pytest.raises(BehaviourError, match="read-only"):
+        model.run(1)
+
+
+# ---- as many numbers as one likes
+
+
+@process(memory={"drawn": [0.0, 0.0, 0.0]})
+def draw(stream, drawn, chance):
+    for k in range(3):
+        drawn[k] = draw_number(stream)
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_process_draws_as_many_numbers_as_it_likes_from_its_stream(driven):
+    model = SwarmModel(rng=7)
+    model.add_robots(AGENT9, 2)
+    model.control = Subsumption(Explore())
+    drawing = model.add_process(draw)
+    model.run(3) if driven else [model.step() for _ in range(3)]
+    numbers = SwarmModel(rng=7).streams["process draw"].random(12)
+    assert drawing.drawn.tolist() == numbers[9:].tolist()
