@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.kernels.part import Column, Context, Part, Phase, Shown, Stage
     from mesa_swarm.maps.map import Map
     from mesa_swarm.model.compiled_stages import compiled_stage
+    from mesa_swarm.model.function_measures import measure
     from mesa_swarm.model.info import ModelInfo, model_info
     from mesa_swarm.model.looks import Chart, ColourMap, Looks
     from mesa_swarm.model.measures import ColumnMeasure, count, mean, share, until, until_zero, value
@@ -100,6 +101,7 @@ _MODULES = {
     "base.streams": "Seed Streams",
     "model.parameters": "Choice Slider",
     "model.compiled_stages": "compiled_stage",
+    "model.function_measures": "measure",
     "model.measures": "ColumnMeasure count mean share until until_zero value",
     "model.previous": "Previous",
     "model.process_rule": "ProcessRule process",
@@ -196,6 +198,7 @@ __all__ = [
     "held",
     "laser_sensor",
     "mean",
+    "measure",
     "model_info",
     "omni_speeds",
     "polygon",

@@ -22,13 +22,12 @@ EXTENDING IT. Let a leader that has met no robot for long turn at random.
 REFERENCE. Thesis, sections 5.2.3.1, 5.3.2 and 5.3.4.
 """
 
-import math
 from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT9, Choice, Radio, Seed, Slider, SwarmModel, held
-from mesa_swarm.analysis import clusters, nearest_neighbour_distances
+from mesa_swarm import AGENT9, Choice, Radio, Seed, Slider, SwarmModel, held, measure
+from mesa_swarm.analysis import group_sizes, mean_gap
 from mesa_swarm.control import Avoid, Explore, Gather, HeadOn, Lead, MatchVelocity, Subsumption
 from mesa_swarm.control.head_on import NUMBERS
 from mesa_swarm.errors import check_choice, check_count
@@ -78,22 +77,24 @@ class Agglomeration(SwarmModel):
             Explore(turn_interval=turn_interval),
         )
 
-    @property
-    def groups(self) -> int:
-        """Number of groups of at least two robots."""
-        return clusters(self.swarm.position, LINK).count
+    @measure
+    @staticmethod
+    def groups(position: np.ndarray) -> int:
+        """Return the number of groups of at least two robots."""
+        return np.sum(group_sizes(position, LINK) > 1)
 
-    @property
-    def largest_group(self) -> float:
-        """Fraction of all robots that are in the largest group."""
-        return clusters(self.swarm.position, LINK).largest_fraction
+    @measure
+    @staticmethod
+    def largest_group(position: np.ndarray) -> float:
+        """Return the fraction of all robots that are in the largest group."""
+        sizes = group_sizes(position, LINK)
+        return np.max(sizes) / len(position) if (sizes > 1).any() else 0.0
 
-    @property
-    def neighbour_distance(self) -> float:
-        """Mean distance to the nearest other robot, between centres, map units; NaN for fewer than two robots."""
-        if len(self.swarm) < 2:
-            return math.nan
-        return float(np.mean(nearest_neighbour_distances(self.swarm.position)))
+    @measure
+    @staticmethod
+    def neighbour_distance(position: np.ndarray) -> float:
+        """Return the mean distance to the nearest other robot, between centres, map units; NaN for fewer than two."""
+        return mean_gap(position)
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison."""

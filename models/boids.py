@@ -24,8 +24,8 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import Choice, HolonomicDrive, Previous, Seed, Slider, SwarmModel, all_round, held
-from mesa_swarm.analysis import directions, later_mean, neighbour_alignment, polarization
+from mesa_swarm import Choice, HolonomicDrive, Previous, Seed, Slider, SwarmModel, all_round, held, measure
+from mesa_swarm.analysis import alignment_within, later_mean, order_of, travel_of
 from mesa_swarm.control import Align, Cohere, Cruise, Separate, VectorSum
 from mesa_swarm.errors import check_count, check_number
 
@@ -74,17 +74,19 @@ class Boids(SwarmModel):
     @property
     def travel(self) -> np.ndarray:
         """Azimuth of each robot's motion in the last step, rad, nan without motion, shape (n,)."""
-        return directions(self.parts["previous"].columns()["position"].array, self.swarm.position)
+        return travel_of(self.parts["previous"].columns()["position"].array, self.swarm.position)
 
-    @property
-    def alignment(self) -> float:
-        """Mean cosine of the angle between the directions of travel of robots in sight of each other."""
-        return float(neighbour_alignment(self.swarm.position, self.travel, self.sight))
+    @measure
+    @staticmethod
+    def alignment(position: np.ndarray, previous_position: np.ndarray, sight: float) -> float:
+        """Return the mean cosine of the angle between the directions of travel of robots in sight of each other."""
+        return alignment_within(position, travel_of(previous_position, position), sight)
 
-    @property
-    def polarization(self) -> float:
-        """Length of the mean of all directions of travel: near 0 for random, 1 for equal directions."""
-        return float(polarization(self.travel))
+    @measure
+    @staticmethod
+    def polarization(position: np.ndarray, previous_position: np.ndarray) -> float:
+        """Return the length of the mean of all directions of travel: near 0 for random, 1 for equal directions."""
+        return order_of(travel_of(previous_position, position))
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: means over the second half, None without data."""

@@ -26,8 +26,10 @@ REFERENCE. Thesis, sections 5.2.3.2, 5.3.3 and 10.2.
 
 from typing import Annotated
 
-from mesa_swarm import AGENT3, AGENT6, AGENT9, Choice, Radio, Seed, Slider, SwarmModel, held
-from mesa_swarm.analysis import Chains, chains
+import numpy as np
+
+from mesa_swarm import AGENT3, AGENT6, AGENT9, Choice, Radio, Seed, Slider, SwarmModel, held, measure
+from mesa_swarm.analysis import Chains, chain_lengths, chains
 from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
 from mesa_swarm.control.head_on import NUMBERS
 from mesa_swarm.errors import check_choice, check_count
@@ -88,21 +90,24 @@ class ChainFormation(SwarmModel):
         """Return the links between followers and leaders in the current step."""
         return chains(self.swarm.position, self.swarm.heading, link_distance=self.link_distance)
 
-    @property
-    def chains(self) -> int:
-        """Number of chains of at least two robots."""
-        return self.find_chains().count
+    @measure
+    @staticmethod
+    def chains(position: np.ndarray, heading: np.ndarray, link_distance: float) -> int:
+        """Return the number of chains of at least two robots."""
+        return len(chain_lengths(position, heading, link_distance))
 
-    @property
-    def mean_chain(self) -> float:
-        """Mean number of robots in a chain, 0 without chains."""
-        chains = self.find_chains()
-        return chains.mean_length if chains.count else 0.0
+    @measure
+    @staticmethod
+    def mean_chain(position: np.ndarray, heading: np.ndarray, link_distance: float) -> float:
+        """Return the mean number of robots in a chain, 0 without chains."""
+        lengths = chain_lengths(position, heading, link_distance)
+        return np.mean(lengths) if len(lengths) > 0 else 0.0
 
-    @property
-    def chained(self) -> float:
-        """Fraction of all robots that are in a chain."""
-        return self.find_chains().chained if len(self.swarm) else 0.0
+    @measure
+    @staticmethod
+    def chained(position: np.ndarray, heading: np.ndarray, link_distance: float) -> float:
+        """Return the fraction of all robots that are in a chain."""
+        return np.sum(chain_lengths(position, heading, link_distance)) / max(len(heading), 1)
 
     def results(self) -> dict[str, float]:
         """Return the measures used by a comparison."""

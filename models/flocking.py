@@ -23,8 +23,10 @@ REFERENCE. Thesis, section 5.3.4; Vicsek et al., Physical Review Letters 75 (199
 from math import isnan
 from typing import Annotated
 
-from mesa_swarm import Choice, Seed, Slider, SwarmModel, all_round, held
-from mesa_swarm.analysis import later_mean, neighbour_alignment, polarization
+import numpy as np
+
+from mesa_swarm import Choice, Seed, Slider, SwarmModel, all_round, held, measure
+from mesa_swarm.analysis import alignment_within, later_mean, order_of
 from mesa_swarm.control import Avoid, Explore, MatchVelocity, Subsumption
 from mesa_swarm.errors import check_choice, check_count, check_number
 
@@ -60,15 +62,17 @@ class Flocking(SwarmModel):
         match = (MatchVelocity(memory=memory),) if check_choice("matching", matching, ("on", "off")) == "on" else ()
         self.control = Subsumption(Avoid(distance=avoid_distance), *match, Explore(speed=speed))
 
-    @property
-    def alignment(self) -> float:
-        """Mean cosine of the angle between the headings of robots that are in sight of each other."""
-        return float(neighbour_alignment(self.swarm.position, self.swarm.heading, self.sight))
+    @measure
+    @staticmethod
+    def alignment(position: np.ndarray, heading: np.ndarray, sight: float) -> float:
+        """Return the mean cosine of the angle between the headings of robots that are in sight of each other."""
+        return alignment_within(position, heading, sight)
 
-    @property
-    def polarization(self) -> float:
-        """Length of the mean of all headings: near 0 for random, 1 for equal headings."""
-        return float(polarization(self.swarm.heading))
+    @measure
+    @staticmethod
+    def polarization(heading: np.ndarray) -> float:
+        """Return the length of the mean of all headings: near 0 for random, 1 for equal headings."""
+        return order_of(heading)
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: means over the second half, None without data."""

@@ -20,11 +20,12 @@ EXTENDING IT. Put a load in the middle, and let robots form the ring around it.
 REFERENCE. Thesis, sections 3.2 and 10.2 (named there as future work).
 """
 
+import math
 from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import Choice, Seed, Slider, SwarmModel, all_round, control, held
+from mesa_swarm import Choice, Seed, Slider, SwarmModel, all_round, control, held, measure
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import check_count
 
@@ -60,21 +61,22 @@ class Perimeter(SwarmModel):
         layer = control.Perimeter(ring=ring, tolerance=tolerance)
         self.control = Subsumption(Avoid(distance=avoid_distance), layer, Explore())
 
-    @property
-    def roundness(self) -> float:
-        """Uniformity of the robots' distances from their true centroid: 1 - standard deviation / mean, at least 0."""
-        distance = np.hypot(*self._from_centroid().T)
-        return max(0.0, 1.0 - float(distance.std() / distance.mean())) if len(distance) > 1 else 0.0
+    @measure
+    @staticmethod
+    def roundness(position: np.ndarray) -> float:
+        """Return how uniform distances from the true centroid are: 1 - standard deviation / mean, at least 0."""
+        x, y = np.mean(position[:, 0]), np.mean(position[:, 1])
+        distance = np.array([math.hypot(place[0] - x, place[1] - y) for place in position])
+        return max(0.0, 1.0 - np.std(distance) / np.mean(distance)) if len(distance) > 1 else 0.0
 
-    @property
-    def outwards(self) -> float:
-        """Mean cosine of the angle between the robots' headings and straight outwards."""
-        out = self._from_centroid()
-        return float(np.cos(np.arctan2(out[:, 1], out[:, 0]) - self.swarm.heading).mean()) if len(out) else 0.0
-
-    def _from_centroid(self) -> np.ndarray:
-        position = self.swarm.position
-        return position - position.mean(axis=0) if len(position) else position
+    @measure
+    @staticmethod
+    def outwards(position: np.ndarray, heading: np.ndarray) -> float:
+        """Return the mean cosine of the angle between the robots' headings and straight outwards."""
+        x, y, total = np.mean(position[:, 0]), np.mean(position[:, 1]), 0.0
+        for i in range(len(heading)):
+            total += math.cos(math.atan2(position[i, 1] - y, position[i, 0] - x) - heading[i])
+        return total / len(heading) if len(heading) > 0 else 0.0
 
     def results(self) -> dict[str, float]:
         """Return the measures used by a comparison."""

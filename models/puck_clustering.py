@@ -33,11 +33,11 @@ from mesa_swarm import (
     Slider,
     SwarmModel,
     disc,
-    process,
+    held,
+    measure,
     until,
-    value,
 )
-from mesa_swarm.analysis import link_groups
+from mesa_swarm.analysis import group_sizes
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count
 
@@ -101,19 +101,6 @@ def gather(
     return 0.0, 0.0
 
 
-@process(memory={"count": 0, "largest": 0.0}, every=EVERY)
-def clustering(
-    bodies_position: np.ndarray, bodies_kind: np.ndarray, bodies_carrier: np.ndarray, count: np.ndarray,
-    largest: np.ndarray, puck: int = 0,
-) -> None:  # fmt: skip
-    """Count clusters, single pucks included, and the share of all pucks that are in the largest one."""
-    lying = bodies_position[(bodies_kind == puck) & (bodies_carrier < 0)]
-    label, largest[0] = np.empty(len(lying), np.int64), 0.0
-    count[0] = link_groups(lying, LINK, label)
-    for cluster in range(count[0]):
-        largest[0] = max(largest[0], np.sum(label == cluster) / np.sum(bodies_kind == puck))
-
-
 class PuckClustering(SwarmModel):
     """Robots that gather pucks in one cluster; stops running when nine tenths of the pucks are in one.
 
@@ -126,8 +113,6 @@ class PuckClustering(SwarmModel):
     compares = "n_robots", (2, 6, 12)
     steps_to_compare = 20_000
     headline = "one cluster at", "gathered the pucks in one cluster"
-    # As they were found last.
-    clusters, largest = value("clustering.count"), value("clustering.largest")
     stops = until("largest", at_least=DONE, every=EVERY)
 
     def __init__(
@@ -140,18 +125,16 @@ class PuckClustering(SwarmModel):
         rng: Seed = None,
     ) -> None:
         size = APART * COLUMNS, APART * check_count("rows", rows, maximum=30)
-        reporters = {"clusters": value("clustering.count"), "largest": value("clustering.largest")}
+        reporters = held("clusters", "largest", every=EVERY)
         super().__init__(map=Map(name="arena", bounds=(0, 0, *size)), rng=rng, model_reporters=reporters)
         for column, row in np.ndindex(COLUMNS, rows):
             self.add_body(disc((APART * (column + 0.5), APART * (row + 0.5)), PUCK), kind="puck")
         eyes = [ProximitySensor(bearing_degrees=b, field_of_view_degrees=30.0, range=12.0) for b in BEARINGS]
         gripper = Gripper(reach=6.0, field_of_view_degrees=180.0)  # more than it sees
-        puck = self.add_kind("puck")
+        self.puck = puck = self.add_kind("puck")
         sensors = (*eyes, Carried(), PucksAhead(puck=puck))
         robot = RobotDesign(radius=ROBOT, max_speed=2.0, sensors=sensors, actuators=(gripper,))
         self.add_robots(robot, check_count("n_robots", n_robots))
-        self.clustering = self.add_process(clustering(puck=puck))
-        self.clustering.step(self)
         limits = {"many": check_count("many", many), "enough": check_count("enough", enough)}
         self.control = Subsumption(gather(puck=puck, **limits))
 
@@ -159,6 +142,19 @@ class PuckClustering(SwarmModel):
     def lying(self) -> np.ndarray:
         """Where pucks lie that no robot carries, shape (k, 2)."""
         return self.movers.position[~self.movers.carried]
+
+    @measure
+    @staticmethod
+    def clusters(bodies_position: np.ndarray, bodies_kind: np.ndarray, bodies_carrier: np.ndarray, puck: int) -> int:
+        """Return the number of clusters, single pucks included; those that are carried are in none."""
+        return len(group_sizes(bodies_position[(bodies_kind == puck) & (bodies_carrier < 0)], LINK))
+
+    @measure
+    @staticmethod
+    def largest(bodies_position: np.ndarray, bodies_kind: np.ndarray, bodies_carrier: np.ndarray, puck: int) -> float:
+        """Return the share of all pucks that are in the largest cluster."""
+        sizes = group_sizes(bodies_position[(bodies_kind == puck) & (bodies_carrier < 0)], LINK)
+        return np.max(sizes) / np.sum(bodies_kind == puck) if len(sizes) > 0 else 0.0
 
     @property
     def done_at(self) -> int | None:

@@ -29,7 +29,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from mesa_swarm import AGENT9, Choice, Seed, Slider, SwarmModel, held
+from mesa_swarm import AGENT9, Choice, Seed, Slider, SwarmModel, held, measure
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.learning import TableQLearning, q_learning
@@ -92,10 +92,11 @@ class QLearning(SwarmModel):
         """Mean reward of the robots for their last actions."""
         return float(np.mean(self.learner.last_reward))
 
-    @property
-    def forward_speed(self) -> float:
-        """Mean commanded forward speed, as a fraction of the maximum."""
-        return float(np.mean(self.swarm.command.mean(axis=1) / self.swarm.max_speed))
+    @measure
+    @staticmethod
+    def forward_speed(command: np.ndarray, max_speed: np.ndarray) -> float:
+        """Return the mean commanded forward speed, as a fraction of the maximum."""
+        return np.mean((command[:, 0] + command[:, 1]) / 2 / max_speed)
 
     @property
     def learner(self) -> q_learning.QLearning | TableQLearning:

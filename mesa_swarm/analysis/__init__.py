@@ -11,9 +11,10 @@ row. A heading beyond 4 pi is probably in degrees, of which a `DegreesWarning` i
 
 from mesa_swarm.analysis.chain_history import ChainEvent, ChainHistory, follow_chains
 from mesa_swarm.analysis.chains import Chains, chains
-from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together, link_groups
+from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together
 from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells
 from mesa_swarm.analysis.missing import Measure, Measures, count_missing
+from mesa_swarm.analysis.moments import alignment_within, chain_lengths, group_sizes, mean_gap, order_of, travel_of
 from mesa_swarm.analysis.order import directions, milling, neighbour_alignment, polarization
 from mesa_swarm.analysis.pathology import Episode, Pathologies, find_pathologies
 from mesa_swarm.analysis.series import (
@@ -41,7 +42,9 @@ __all__ = [
     "Measure",
     "Measures",
     "Pathologies",
+    "alignment_within",
     "central_moving_average",
+    "chain_lengths",
     "chains",
     "clark_evans",
     "clusters",
@@ -53,17 +56,20 @@ __all__ = [
     "dispersion",
     "find_pathologies",
     "follow_chains",
+    "group_sizes",
     "kept_together",
     "later_mean",
     "layer_shares",
-    "link_groups",
+    "mean_gap",
     "milling",
     "nearest_neighbour_distances",
     "neighbour_alignment",
+    "order_of",
     "polarization",
     "random_nearest_neighbour_distance",
     "reachable_cells",
     "time_to",
+    "travel_of",
     "visited_cells",
 ]
 

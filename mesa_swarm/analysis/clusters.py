@@ -11,8 +11,6 @@ from scipy.spatial import cKDTree
 from mesa_swarm.analysis.arrays import check_length, check_points, check_whole_or_missing
 from mesa_swarm.analysis.missing import Value, by_row, masked_where, without_position
 from mesa_swarm.base.errors import InvalidValueError, check_count
-from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.elementary import hypot
 
 # A pair takes about 50 bytes: more of them than this would fill a small machine's memory.
 MOST_PAIRS = 20_000_000
@@ -137,46 +135,6 @@ def clusters(position: np.ndarray, distance: float, *, fewest: int = 2) -> Clust
     label = np.full(len(points), -1, np.int64)
     label[~missing], sizes = _rank(component, fewest)
     return Clusters(label=masked_where(missing, label), sizes=sizes)
-
-
-@compiled
-def link_groups(position: np.ndarray, distance: float, label: np.ndarray) -> int:
-    """Write the group of each robot, or other place, and return the number of groups; for compiled processes.
-
-    Groups are those of `clusters` with ``fewest=1``, numbered by their first rows. The time grows with the square of
-    the number of places.
-
-    Parameters
-    ----------
-    position : float64 ndarray, shape (n, 2)
-        Map units; a place that is NaN is linked to none.
-    distance : float
-        Largest distance between the centres of two linked robots, map units.
-    label : int64 ndarray, shape (n,)
-        Filled with numbers from 0.
-
-    Examples
-    --------
-    >>> label = np.empty(4, np.int64)
-    >>> link_groups(np.array([[0.0, 0.0], [50.0, 0.0], [10.0, 0.0], [20.0, 0.0]]), 15.0, label), label
-    (2, array([0, 1, 0, 0]))
-    """
-    n, count = label.shape[0], 0
-    waiting = np.empty(n, np.int64)
-    label[:] = -1
-    for first in range(n):
-        if label[first] >= 0:
-            continue
-        label[first], waiting[0], last = count, first, 1
-        while last > 0:
-            last -= 1
-            i = waiting[last]
-            for j in range(first + 1, n):
-                if label[j] < 0 and hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]) <= distance:
-                    label[j], waiting[last] = count, j
-                    last += 1
-        count += 1
-    return count
 
 
 def _check_moment(position: object) -> np.ndarray:

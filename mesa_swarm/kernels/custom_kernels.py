@@ -29,6 +29,21 @@ def kernel(block, step, first, last):
         return {failed}
     return 0
 """
+# Of a function that returns a number: it is measured again in the first step after those that `every` divides, where
+# `noted` has the one for which it was measured last, and stays in its place of `out` until then.
+MEASURE = """
+def kernel(block, step, first, last):
+    given = unpack(block, Arrays)
+    due = step - step % given.given_every
+    if due == given.given_noted[given.given_slot]:
+        return 0
+    try:
+        given.given_out[given.given_slot] = function({arguments})
+    except Exception:
+        return {failed}
+    given.given_noted[given.given_slot] = due
+    return 0
+"""
 
 
 class CustomKernel(NamedTuple):
@@ -42,7 +57,9 @@ class CustomKernel(NamedTuple):
 _MADE: dict[tuple, CustomKernel] = {}
 
 
-def kernel_of_function(function: FunctionType, takes: tuple[str, ...], values: Mapping[str, Any]) -> CustomKernel:
+def kernel_of_function(
+    function: FunctionType, takes: tuple[str, ...], values: Mapping[str, Any], text: str = TEXT
+) -> CustomKernel:
     """Return the kernel of a function of these arrays and numbers, made once for their types.
 
     Parameters
@@ -53,25 +70,27 @@ def kernel_of_function(function: FunctionType, takes: tuple[str, ...], values: M
     values : dict
         Arrays in C order and numbers, by names of parameters other than `step`, `chance` and `stream`; the block holds
         them in this order, and last a `Stream`.
+    text : str
+        What the kernel is, `TEXT` or `MEASURE`; of the latter the values are also out, noted, slot and every.
     """
     # Numba takes some names for methods of arrays, such as view.
     fields = [(f"given_{name}", _annotation(value)) for name, value in values.items()]
-    key = function, takes, tuple((name, str(kind)) for name, kind in fields)
+    key = function, takes, tuple((name, str(kind)) for name, kind in fields), text
     if key not in _MADE:
-        _MADE[key] = _make(function, takes, fields)
+        _MADE[key] = _make(function, takes, fields, text)
     return _MADE[key]
 
 
-def _make(function: FunctionType, takes: tuple[str, ...], fields: list[tuple[str, Any]]) -> CustomKernel:
+def _make(function: FunctionType, takes: tuple[str, ...], fields: list[tuple[str, Any]], text: str) -> CustomKernel:
     arrays: Any = NamedTuple("Arrays", [*fields, ("stream_of_chance", Stream)])  # type: ignore[misc]
     special = {STEP: "step", CHANCE: "draw_number(given.stream_of_chance)", STREAM: "given.stream_of_chance"}
     arguments = ", ".join(special.get(name, f"given.given_{name}") for name in takes)
     of_function = digest_function(function, VERSION)
-    words = f"{of_function} {takes} {[(name, str(kind)) for name, kind in fields]} {TEXT}"
+    words = f"{of_function} {takes} {[(name, str(kind)) for name, kind in fields]} {text}"
     digest = of_function and blake2b(words.encode(), digest_size=16).hexdigest()
     own = store_on_disk(compile_custom(rename_function(function, of_function)), of_function)
     space = {"__name__": __name__, "unpack": unpack, "Arrays": arrays, "function": own, "draw_number": draw_number}
-    exec(TEXT.format(arguments=arguments, failed=FAILED), space)
+    exec(text.format(arguments=arguments, failed=FAILED), space)
     kernel = njit(error_model="numpy", boundscheck=True, nogil=True)(rename_function(space["kernel"], digest))
     code: Any = store_on_disk(kernel, digest)
     try:

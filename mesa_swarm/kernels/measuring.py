@@ -156,8 +156,8 @@ class RowArrays(NamedTuple):
     written: Integers
 
 
-# The code that a kernel returns when its buffer is full.
-FULL = 1
+# Codes that a kernel returns: its buffer is full, and a function has raised an error.
+FULL, FAILED = 1, 3
 MOST_ROWS = 1000
 
 
@@ -170,7 +170,8 @@ def write_row(block, step, first, last):
         return FULL
     for k in range(measures.shape[0]):
         call = unpack(measures[k], KernelCall)
-        call_at(call.address, call.block, step, first, last)
+        if call_at(call.address, call.block, step, first, last) != 0:
+            return FAILED
         table[written[ONLY], k] = numbers[k]
     steps[written[ONLY]] = step
     written[ONLY] += 1
@@ -191,7 +192,8 @@ class StopArrays(NamedTuple):
 def check_stop(block, step, first, last):
     """Set the flag where the number is within the interval."""
     s = unpack(block, StopArrays)
-    call_at(s.measure.address, s.measure.block, step, first, last)
+    if call_at(s.measure.address, s.measure.block, step, first, last) != 0:
+        return FAILED
     if s.low <= s.number[ONLY] <= s.high:
         s.flag[ONLY] = True
     return 0

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm.kernels.part import Kernel, Phase, Prepared
 from mesa_swarm.kernels.plan import CODE, TAKEN, Driver, Plan
-from mesa_swarm.model.measures import ColumnMeasure, MeasuredRows, Until, array_of, measure_of
+from mesa_swarm.model.function_measures import FunctionMeasure
+from mesa_swarm.model.measures import ColumnMeasure, MeasuredRows, Until, measure_of
 from mesa_swarm.model.mesa_model import Collector, has_own_events, is_stepped_by_itself, set_steps
 from mesa_swarm.model.observers import DrivenObserver
 from mesa_swarm.model.reporters import Held
@@ -237,7 +237,7 @@ def list_due_of_model(model: Any, stops: Sequence[Until] = ()) -> Iterator[Due]:
     yield from list_due_observers(model)
     for condition in (*type(model).conditions, *stops):
         if measure_in_place(model, condition.of) is None:
-            cure = "declare it by count, share, mean or value"
+            cure = "declare it by count, share, mean, value or measure"
             yield Due(f"stops by {condition.of}, a property in Python; {cure}", condition.every)
 
 
@@ -263,23 +263,23 @@ def list_due_rows(model: Any) -> Iterator[Due]:
         yield Due("reporters of agents", every)
     for name, reporter in collector.model_reporters.items():
         held = held_of(reporter)
-        if held is not None and held.trigger.every > 1:
+        if held is not None and held.trigger.every > 1 and held_function(model, held) is None:
             yield HeldDue(name, held, every)
-        elif measure_in_place(model, reporter) is None:
-            cure = "declare it by count, share, mean or value, or hold it"
+        elif held is None and measure_in_place(model, reporter) is None:
+            cure = "declare it by count, share, mean, value or measure, or hold it"
             yield Due(f"reporter {name}, a function in Python; {cure}", every)
 
 
 def measure_in_place(model: Any, reporter: Any) -> ColumnMeasure | None:
     """Return the measure that a reporter is, if compiled code can read its column as it is now."""
     measure = measure_of(model, reporter)
-    if measure is None:
-        return None
-    try:
-        flags = array_of(model, measure.spec.column).flags
-    except UnknownNameError:  # of a part that may be added later
-        return None
-    return measure if flags.c_contiguous and flags.writeable else None
+    return measure if measure is not None and measure.is_in_place(model) else None
+
+
+def held_function(model: Any, held: Held | None) -> ColumnMeasure | None:
+    """Return the measure of a function that is held, if compiled code can compute it."""
+    measure = None if held is None else measure_in_place(model, held.name)
+    return measure if isinstance(measure, FunctionMeasure) else None
 
 
 def held_of(reporter: Any) -> Held | None:
@@ -322,13 +322,25 @@ def kernels_of_rows(model: Any) -> list[tuple[Kernel, int]]:
     if not model.collect_every:
         return []
     cache, collector = model.driving, model.datacollector
-    measures = {name: measure_in_place(model, reporter) for name, reporter in collector.model_reporters.items()}
-    declared = {name: measure for name, measure in measures.items() if measure is not None}
-    # Arrays are kept by the kernel that was made of them, so that no other can have the address of one of them.
-    key = (collector, *((name, id(array_of(model, m.spec.column)), m.spec) for name, m in declared.items()))
+    declared, held = measures_of_rows(model)
+    key = (collector, *((name, measure.key(model)) for name, measure in declared.items()))
     if cache.rows is None or cache.rows_key != key:
-        cache.rows, cache.rows_key = MeasuredRows(model, declared, partial(take_rows, model)), key
+        cache.rows, cache.rows_key = MeasuredRows(model, declared, partial(take_rows, model), held), key
+    cache.rows.begin()
     return [(cache.rows.kernel, model.collect_every)]
+
+
+def measures_of_rows(model: Any) -> tuple[dict[str, ColumnMeasure], dict[str, Held]]:
+    """Return the reporters that compiled code reads, by name, and those of them that are held for some steps."""
+    declared: dict[str, ColumnMeasure] = {}
+    held: dict[str, Held] = {}
+    for name, reporter in model.datacollector.model_reporters.items():
+        holding = held_of(reporter)
+        measure = measure_in_place(model, reporter) if holding is None else held_function(model, holding)
+        if measure is not None:
+            declared[name] = measure
+            held |= {} if holding is None else {name: holding}
+    return declared, held
 
 
 def take_rows(model: Any, steps: list[int], values: dict[str, list]) -> None:
@@ -336,7 +348,7 @@ def take_rows(model: Any, steps: list[int], values: dict[str, list]) -> None:
     collector = model.datacollector
     for name, reporter in collector.model_reporters.items():
         held = held_of(reporter)
-        rows = values[name] if held is None else [deepcopy(held.value) for _ in steps]
+        rows = values[name] if held is None or name in values else [deepcopy(held.value) for _ in steps]
         collector.model_vars[name].extend(rows)
     collector.note_collected(steps[-1], steps[-1] - model.driving.ahead)
 
@@ -347,7 +359,7 @@ def kernels_of_stops(model: Any, stops: Sequence[Until]) -> list[tuple[Kernel, i
     for condition in (*type(model).conditions, *stops):
         measure = measure_in_place(model, condition.of)
         if measure is not None:
-            key.append((condition, id(array_of(model, measure.spec.column))))
+            key.append((condition, measure.key(model)))
     if cache.stops_key != key:
         cache.stops = [(condition.kernel(model, cache.flag), condition.every) for condition, _ in key]
         cache.stops_key = key

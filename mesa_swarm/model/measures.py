@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from inspect import getattr_static
 from typing import Any, NamedTuple
+from weakref import ref
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from mesa_swarm.kernels.block import CALL_NUMBERS, Block, KernelCall, code_addre
 from mesa_swarm.kernels.measuring import (
     COUNT,
     ELEMENT,
+    FAILED,
     MEAN,
     MEASURING,
     MOST_ROWS,
@@ -77,6 +79,26 @@ class ColumnMeasure(partial):
 
     def __repr__(self) -> str:
         return str(self.spec)
+
+    def key(self, model: Any) -> Any:
+        """Return what its kernel was made of, which keeps that array: no other can have its address."""
+        return id(array_of(model, self.spec.column)), self.spec
+
+    def is_in_place(self, model: Any) -> bool:
+        """Return whether compiled code can read its column as it is now."""
+        try:
+            flags = array_of(model, self.spec.column).flags
+        except UnknownNameError:  # of a part that may be added later
+            return False
+        return flags.c_contiguous and flags.writeable
+
+    def is_whole(self, model: Any) -> bool:
+        """Return whether it is a whole number."""
+        return is_whole_number(self.spec, array_of(model, self.spec.column))
+
+    def kernel(self, model: Any, out: np.ndarray, slot: int) -> Kernel:
+        """Return the kernel that writes it into a place of an array."""
+        return kernel_of_measure(self.spec, model, out, slot)
 
 
 def count(column: str, **bounds: Any) -> ColumnMeasure:
@@ -322,22 +344,52 @@ class MeasuredRows:
     measures : dict of str to ColumnMeasure
     take : callable
         Is given the steps of new rows, (k,), and the values of each measure by its name, lists of k numbers.
+    held : dict of str to Held
+        Those of the measures that stay the same for some steps: they are functions.
     """
 
-    def __init__(self, model: Any, measures: Mapping[str, ColumnMeasure], take: Callable[..., None]) -> None:
-        self._names, self._take = list(measures), take
-        numbers = np.zeros(len(measures))
-        specs = [measure.spec for measure in measures.values()]
-        kernels = [kernel_of_measure(spec, model, numbers, slot) for slot, spec in enumerate(specs)]
-        self._whole = [is_whole_number(spec, array_of(model, spec.column)) for spec in specs]
+    def __init__(
+        self, model: Any, measures: Mapping[str, ColumnMeasure], take: Callable[..., None], held: Mapping[str, Any]
+    ) -> None:
+        self._names, self._take, self._held = list(measures), take, dict(held)
+        self._model = ref(model)
+        numbers, noted = np.zeros(len(measures)), np.full(len(measures), -1, np.int64)
+        self._numbers, self._noted = numbers, noted
+        kernels = [
+            measure.kernel(model, numbers, slot, noted, held[name].trigger.every)  # type: ignore[call-arg]
+            if name in held
+            else measure.kernel(model, numbers, slot)
+            for slot, (name, measure) in enumerate(measures.items())
+        ]
+        self._whole = [measure.is_whole(model) for measure in measures.values()]
+        self._measures = list(measures.values())
         calls = [Block(KernelCall(code_address(kernel.function), kernel.block)) for kernel in kernels]
         self._table, self._steps = np.zeros((MOST_ROWS, len(measures))), np.zeros(MOST_ROWS, np.int64)
         self._count = np.zeros(1, np.int64)
         block = Block(RowArrays(stack_blocks(calls, CALL_NUMBERS), numbers, self._table, self._steps, self._count))
-        self.kernel = Kernel(write_row, block.numbers, (block, kernels), lambda code: self.finish(), self.finish)
+        self.kernel = Kernel(write_row, block.numbers, (block, kernels), self._attend, self.finish)
+
+    def begin(self) -> None:
+        """Take over what is held, which Python may have measured since."""
+        for name, held in self._held.items():
+            slot = self._names.index(name)
+            self._noted[slot] = held.measured
+            self._numbers[slot] = math.nan if held.value is None else held.value
+
+    def _attend(self, code: int) -> None:
+        """Hand over rows where there is no room for more; raise the error of a function, which is called once more."""
+        self.finish()
+        model = self._model()
+        for measure in self._measures if code == FAILED and model is not None else ():
+            measure(model)
 
     def finish(self) -> None:
-        """Hand over the rows that were written."""
+        """Hand over the rows that were written, and what is held."""
+        for name, held in self._held.items():
+            slot = self._names.index(name)
+            if self._noted[slot] >= 0:
+                value = self._numbers[slot].item()
+                held.hold(int(self._noted[slot]), int(value) if self._whole[slot] and not math.isnan(value) else value)
         count = int(self._count[ONLY])
         if not count:
             return
@@ -391,10 +443,17 @@ class Until:
         if measure is None:
             return None
         number = np.zeros(1)
-        kernel = kernel_of_measure(measure.spec, model, number, ONLY)
+        kernel = measure.kernel(model, number, ONLY)
         call = KernelCall(code_address(kernel.function), kernel.block)
         block = Block(StopArrays(call, number, float(self.low), float(self.high), flag))
-        return Kernel(check_stop, block.numbers, (block, kernel))
+        of_model = ref(model)
+
+        def fail(code: int) -> None:  # the function of a measure is called once more for its error
+            present = of_model()
+            if present is not None:
+                measure(present)
+
+        return Kernel(check_stop, block.numbers, (block, kernel), fail)
 
 
 def until(of: str | ColumnMeasure, *, every: int = 1, **bounds: Any) -> Until:

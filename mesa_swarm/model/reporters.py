@@ -39,6 +39,10 @@ class Held:
         """The value that was measured last."""
         return self._value
 
+    def hold(self, step: int, value: object) -> None:
+        """Take over what compiled code has measured, and after which step that was due."""
+        self._step, self._value = step, value
+
     def checkpoint(self) -> dict:
         """Return what was measured last, and when."""
         return {"due": self._step, "value": self._value}

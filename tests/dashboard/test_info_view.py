@@ -58,9 +58,10 @@ def test_the_panel_has_a_button_for_each_preset_and_folds_the_rest(session):
 
 
 def test_the_plan_of_a_step_names_what_is_python_and_what_to_declare_also_where_an_attribute_hides_it(session):
+    session.model.datacollector.model_reporters["mine"] = lambda model: 1.0
     text = draw_plan(session.model)
     assert "robots read their sensors" in text
-    assert "reporter alignment, a function in Python, every 10 steps" in text
+    assert "reporter mine, a function in Python; declare it by count, share, mean, value or measure" in text
     session.model.plan = "mine"
     assert draw_plan(session.model) == text
     assert draw_plan(None) == ""

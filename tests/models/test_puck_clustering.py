@@ -41,7 +41,6 @@ def test_pucks_between_which_a_robot_cannot_pass_are_in_one_cluster():
     model.remove_robots(model.robots)
     x, y = model.lying[0]
     model.movers.agents[1].position = x + LINK - 0.1, y
-    model.clustering.step(model)
     assert (model.clusters, model.largest) == (3, 2 / 4)
 
 

@@ -202,7 +202,7 @@ class Series(ChartTable, Observer):
             if self._count == len(self._steps):
                 self._make_room()
             if step % self.row_every == 0:
-                numbers, faults = measure(model)
+                numbers, faults = take_numbers(model)
                 self._put(step, numbers)
                 self.faults = {**self.faults, **{key: f"no number in step {step}: {faults[key]}" for key in faults}}
 
@@ -350,7 +350,7 @@ def number_names(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 
 
-def measure(model: SwarmModel) -> tuple[dict[str, Sequence[float] | np.ndarray], dict[str, str]]:
+def take_numbers(model: SwarmModel) -> tuple[dict[str, Sequence[float] | np.ndarray], dict[str, str]]:
     """Return the present numbers of a model's charts, NaN for non-numbers, and why charts have none, by their keys."""
     reporters = model.datacollector.model_vars.items()
     numbers: dict[str, Sequence[float] | np.ndarray] = {
