@@ -132,7 +132,7 @@ CLAIMS = [
     Claim("puck_clustering", "Twice as many pucks", "clusters", low=3, high=7),
     Less("foraging", DEFAULTS, "Thirty, without rest", "items"),
     Less("foraging", DEFAULTS, "Thirty, without rest", "energy used per item"),
-    Claim("foraging", "Thirty, without rest", "energy", high=125),
+    Claim("foraging", "Thirty, without rest", "energy", high=250),
     Claim("foraging", "Two items of food", "energy", high=25),
     Claim("foraging", "Two items of food", "share outside in the second half", low=0.75),
     Claim("foraging", "Two robots", "energy", low=250),
