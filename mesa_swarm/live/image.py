@@ -160,6 +160,11 @@ class Image:
         except KeyError:
             return None
 
+    @property
+    def layout(self) -> list[tuple[int, int]]:
+        """Address and length of each range, in the order of the image."""
+        return sorted((span.address, span.end - span.begin) for span in self._spans)
+
     def written_anew(self) -> bytes:
         """Return the content with what the arrays hold now."""
         return self._write()

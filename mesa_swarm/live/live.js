@@ -217,7 +217,7 @@ export class LiveModel {
 
   #write({ name, copies: usual, places: usualPlaces = [], values = [], bytes: usualBytes = [] }, value) {
     const own = this.#changes[name], copies = own?.copies ?? usual, places = own?.places ?? usualPlaces;
-    const bytes = own ? values.map((one) => own.bytes[one]) : usualBytes;
+    const bytes = own?.bytes ?? usualBytes;
     const memory = new DataView(this.#memory.buffer), base = this.about.base;
     for (const place of copies.f8 ?? []) memory.setFloat64(base + place, value, true);
     for (const place of copies.i8 ?? []) memory.setBigInt64(base + place, BigInt(value), true);

@@ -3,7 +3,7 @@
 import json
 import os
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
 from functools import partial
@@ -21,7 +21,7 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.kernels.compiling import needed_functions
 from mesa_swarm.live.binaries import PREFIX, module_of
 from mesa_swarm.live.image import Functions
-from mesa_swarm.live.settings import Change, find_change, positions_of
+from mesa_swarm.live.settings import Change, Trials, find_change, find_same_change, positions_of, put_change
 from mesa_swarm.live.starts import BASE, Start, make_start
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.info import model_info
@@ -104,24 +104,23 @@ class LivePage:
 
     def _find_changes(self) -> dict[str, tuple[Parameter, Any, list[Any], Change]]:
         """Return what each parameter changes that a page can change in a run, and the values it may have."""
-        start, found = self.starts[self.seed][1], {}
+        found: dict[str, tuple[Parameter, Any, list[Any], Change]] = {}
+        trials = self._trials(self.starts[self.seed][1], self.functions)
         for name, parameter in parameters_of(self.model_class).items():
             value = self.given.get(name, parameter.default)
-            values = self._list_accepted(name, positions_of(parameter), value)
+            values = self._list_accepted(name, positions_of(parameter, value), value)
             if len(values) < 2 or value is None:
                 continue
-            change = find_change(
-                values,
-                value,
-                start,
-                partial(continue_with_value, partial(self.make, rng=self.seed), name),
-                self.functions,
-            )
+            change = find_change(name, values, value, trials)
             if change is not None and (any(change.copies.values()) or change.bytes):
                 found[name] = parameter, value, values, change
         for name in overlapping({name: change for name, (*_, change) in found.items()}):
             found.pop(name, None)
-        return self._apart(found)
+        return apart(found, trials)
+
+    def _trials(self, start: Start, functions: Functions, **changes: Any) -> Trials:
+        """Return what tries other values of parameters that act in a run, of a start with some others."""
+        return Trials(start, lambda **others: continued(self.make(rng=self.seed, **changes), **others), functions)
 
     def _find_variants(self) -> Iterator[Variant]:
         """Iterate over starts with other values of parameters that act from the beginning of a run."""
@@ -140,11 +139,14 @@ class LivePage:
             model, start = make_start(make, functions)
         except SwarmError:
             return None
-        changes = {}
-        for other, (_, present, values, _) in self.changes.items():
-            again = partial(continue_with_value, make, other)
-            changes[other] = find_change(values, present, start, again, functions)
+        first, trials = self.starts[self.seed][1], self._trials(start, functions, **{name: value})
+        changes = {
+            other: find_same_change(other, known, values, present, first, trials)
+            for other, (_, present, values, known) in self.changes.items()
+        }
         if functions.places != self.functions.places or None in changes.values():
+            return None
+        if any(list(changes[other].bytes) != list(known.bytes) for other, (*_, known) in self.changes.items()):  # type: ignore[union-attr]
             return None
         return Variant(name, value, model, start, changes)  # type: ignore[arg-type]
 
@@ -161,31 +163,6 @@ class LivePage:
         except SwarmError:
             return False
         return True
-
-    def _continued(self, **changes: Any) -> Any:
-        return continued(self.make(rng=self.seed), **changes)
-
-    def _apart(self, found: dict[str, Any]) -> dict[str, Any]:
-        """Return the parameters that may be changed together: the image is then that of Python."""
-        ends = {
-            name: next(end for end in values[::-1] if end != value) for name, (_, value, values, _) in found.items()
-        }
-        for one, other in list(combinations(found, 2)):
-            if {one, other} <= found.keys() and not self._are_independent({one: ends[one], other: ends[other]}, found):
-                found.pop(other)
-        return found
-
-    def _are_independent(self, values: dict[str, Any], found: dict[str, Any]) -> bool:
-        start, present = self.starts[self.seed][1], {name: found[name][1] for name in values}
-        try:
-            both = make_start(lambda: self._continued(**values), self.functions.copy())[1]
-            plain = make_start(lambda: self._continued(**present), self.functions.copy())[1]
-        except SwarmError:
-            return False
-        content = np.frombuffer(plain.image.content, np.uint8).copy()
-        for name, value in values.items():
-            put_change(content, found[name][3], value)
-        return both.places == start.places and content.tobytes() == both.image.content
 
     # ---- what is written
 
@@ -284,7 +261,9 @@ def add_variant(content: dict[str, bytes], key: str, seed: int, variant: Variant
         "with": [variant.name, variant.value],
         "places": variant.start.places,
         "world": scene_of(variant.model).world(),
-        "changes": {name: change._asdict() for name, change in variant.changes.items()},
+        "changes": {
+            name: change._asdict() | {"bytes": list(change.bytes.values())} for name, change in variant.changes.items()
+        },
     }
 
 
@@ -323,9 +302,24 @@ def _order(value: Any) -> tuple[bool, Any]:
     return isinstance(value, str), value
 
 
-def continue_with_value(make: Callable[[], Any], name: str, value: Any) -> Any:
-    """Return a model that continues one before its first step with another value of a parameter."""
-    return continued(make(), **{name: value})
+def apart(found: dict[str, tuple[Parameter, Any, list[Any], Change]], trials: Trials) -> dict[str, Any]:
+    """Return the parameters that may be changed together: the image is then that of Python."""
+    ends = {name: next(end for end in values[::-1] if end != value) for name, (_, value, values, _) in found.items()}
+    for one, other in list(combinations(found, 2)):
+        if {one, other} <= found.keys() and not are_independent(one, other, ends, found, trials):
+            found.pop(other)
+    return found
+
+
+def are_independent(one: str, other: str, ends: dict[str, Any], found: dict[str, Any], trials: Trials) -> bool:
+    """Return whether the changes of two parameters, one after the other, make the image that both make together."""
+    both = trials.content_with({one: ends[one], other: ends[other]}, trials.functions.copy())
+    if both is None or trials.base is None:
+        return False
+    expected = trials.base.copy()
+    for name in (one, other):
+        put_change(expected, found[name][3], ends[name])
+    return np.array_equal(both, expected)
 
 
 def compile_first_steps(model: Any) -> None:
@@ -399,16 +393,6 @@ def bytes_changed_by(change: Change) -> set[int]:
     """Return the places of all bytes that a change may write."""
     copied = {place + k for places in change.copies.values() for place in places for k in range(8)}
     return copied | set(change.places)
-
-
-def put_change(content: np.ndarray, change: Change, value: Any) -> None:
-    """Write a value into the bytes of an image, as pages do."""
-    for form, places in change.copies.items():
-        number = np.array([value], f"<{form}").view(np.uint8)
-        for place in places:
-            content[place : place + 8] = number
-    if change.bytes:
-        content[change.places] = change.bytes[value]
 
 
 def difference(content: bytes, other: bytes) -> bytes:

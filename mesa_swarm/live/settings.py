@@ -6,6 +6,7 @@ where they differ otherwise, by an angle in radians for instance, it has the byt
 """
 
 import struct
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.live.image import Functions
-from mesa_swarm.live.starts import Start, make_start
+from mesa_swarm.live.starts import BASE, Start, make_start
 from mesa_swarm.model.parameters import Choice, Parameter, Slider
 
 # The most positions of a slider, the most whose bytes are stored, and the most bytes of each.
@@ -40,13 +41,15 @@ class Change(NamedTuple):
     bytes: dict[Any, list[int]]
 
 
-def positions_of(parameter: Parameter) -> list[Any]:
-    """Return the values that a control offers, at most `MOST_POSITIONS` of a slider.
+def positions_of(parameter: Parameter, present: Any = None) -> list[Any]:
+    """Return the values that a control offers, about `MOST_POSITIONS` of a slider, with its ends and the present value.
 
     Examples
     --------
     >>> positions_of(Parameter("n", 2, int, Slider(1, 3, 1)))
     [1, 2, 3]
+    >>> positions_of(Parameter("rate", 0.5, float, Slider(0, 1, 0.001)), 0.999)[-3:]
+    [0.99, 0.999, 1.0]
     """
     control = parameter.control
     if isinstance(control, Choice):
@@ -55,41 +58,65 @@ def positions_of(parameter: Parameter) -> list[Any]:
         return []
     count = round((control.maximum - control.minimum) / control.step) + 1
     stride = -(-(count - 1) // (MOST_POSITIONS - 1)) or 1
-    values = [round(control.minimum + k * control.step, 12) for k in range(0, count, stride)]
-    return [parameter.kind(value) for value in values]
+    values = {round(control.minimum + k * control.step, 12) for k in range(0, count, stride)} | {control.maximum}
+    if isinstance(present, (int, float)) and control.minimum <= present <= control.maximum:
+        values.add(present)
+    return sorted({parameter.kind(value) for value in values})
 
 
-def find_change(
-    values: Sequence[Any], value: Any, start: Start, make: Callable[[Any], Any], functions: Functions
-) -> Change | None:
+class Trials:
+    """Images of models that continue one before its first step, with other values of its parameters.
+
+    Parameters
+    ----------
+    start : Start
+        Of the model.
+    make : callable
+        Returns the model that continues it with other values.
+    functions : Functions
+        Those of the page; what values need besides is added when a change is found.
+    """
+
+    def __init__(self, start: Start, make: Callable[..., Any], functions: Functions) -> None:
+        self.start, self._make, self.functions = start, make, functions
+        self._base: np.ndarray | None = None
+
+    @property
+    def base(self) -> np.ndarray | None:
+        """That with the same values: scratch of a model that continues another is not that of one that begins."""
+        if self._base is None:
+            self._base = self.content_with({}, self.functions.copy())
+        return self._base
+
+    def content_with(self, changes: dict[str, Any], functions: Functions) -> np.ndarray | None:
+        """Return the bytes of an image, None if it has another form, or the model refuses the values."""
+        try:
+            found = make_start(lambda: self._make(**changes), functions)[1]
+        except SwarmError:
+            return None
+        same = found.places == self.start.places and len(found.image.content) == len(self.start.image.content)
+        return np.frombuffer(found.image.content, np.uint8) if same else None
+
+
+def find_change(name: str, values: Sequence[Any], value: Any, trials: Trials) -> Change | None:
     """Return what a parameter changes, None if that is more than numbers in the image.
 
     Parameters
     ----------
+    name : str
     values : sequence of numbers or texts
         Those that the parameter may have.
     value : number or text
         The one that the start has.
-    start : Start
-    make : callable
-        Returns a model that continues that of the start with another value, before its first step.
-    functions : Functions
+    trials : Trials
     """
-    trial = functions.copy()
+    functions = trials.functions.copy()
 
     def content_for(other: Any) -> np.ndarray | None:
-        try:
-            found = make_start(lambda: make(other), trial)[1]
-        except SwarmError:
-            return None
-        same = found.places == start.places and len(found.image.content) == len(start.image.content)
-        return np.frombuffer(found.image.content, np.uint8) if same else None
+        return trials.content_with({name: other}, functions)
 
-    others = [other for other in values if other != value]
-    if not others:
-        return None
-    base = content_for(value)  # scratch of a model that continues another is not that of one that begins
-    if base is None:
+    others, base = [other for other in values if other != value], trials.base
+    if not others or base is None:
         return None
     probes = [others[len(others) // 3], others[-1]]
     contents = [content_for(other) for other in probes]
@@ -104,8 +131,61 @@ def find_change(
     else:
         change = _tabulate(base, value, others, content_for, copies, explained)
     if change is not None:
-        functions.places.update(trial.places)
+        trials.functions.places.update(functions.places)
     return change
+
+
+def find_same_change(
+    name: str, known: Change, values: Sequence[Any], value: Any, first: Start, trials: Trials
+) -> Change | None:
+    """Return what a parameter changes in another start, at the places of what it changes in the first one, if it does.
+
+    Arrays are in the same order in both images. One other value is tried; `find_change` would try all.
+    """
+    other, base = next(end for end in values[::-1] if end != value), trials.base
+    if known.bytes and other not in known.bytes:
+        other = [one for one in known.bytes if one != value][-1]
+    for from_end in (False, True):  # texts have numbers of other lengths in front, the shapes of arrays
+        moved = _moved(known, first, trials.start, from_end)
+        if moved is not None and base is not None:
+            expected, found = base.copy(), trials.content_with({name: other}, trials.functions)
+            put_change(expected, moved, other)
+            if found is not None and np.array_equal(expected, found):
+                return moved
+    return find_change(name, values, value, trials)
+
+
+def _moved(change: Change, first: Start, start: Start, from_end: bool) -> Change | None:
+    """Return a change with the places that these have in another image; None if an array there is too short.
+
+    In an array of another length places are counted from its begin or from its end.
+    """
+    before, after = first.image.layout, start.image.layout
+    if len(before) != len(after):
+        return None
+    begins = [address for address, _ in before]
+
+    def move(place: int) -> int | None:
+        index = bisect_right(begins, place + BASE) - 1
+        (address, length), (other, other_length) = before[index], after[index]
+        offset = place + BASE - address + (other_length - length if from_end else 0)
+        return offset + other - BASE if 0 <= offset < other_length else None
+
+    copies = {form: [move(place) for place in places] for form, places in change.copies.items()}
+    places = [move(place) for place in change.places]
+    if None in places or any(None in of_form for of_form in copies.values()):
+        return None
+    return Change(copies, places, change.bytes)  # type: ignore[arg-type]
+
+
+def put_change(content: np.ndarray, change: Change, value: Any) -> None:
+    """Write another value of a parameter into the bytes of an image."""
+    for form, places in change.copies.items():
+        text = np.frombuffer(struct.pack(FORMS[form], float(value) if form == REAL else int(value)), np.uint8)
+        for place in places:
+            content[place : place + 8] = text
+    if change.bytes:
+        content[change.places] = change.bytes[value]
 
 
 def _find_copies(

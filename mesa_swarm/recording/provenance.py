@@ -6,6 +6,7 @@ import math
 import os
 import platform
 from collections.abc import Sequence
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -164,6 +165,12 @@ def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
     return runs
 
 
+@cache
+def versions_of_packages() -> dict[str, str]:
+    """Return the versions of the packages that decide bits; they are looked up in files once."""
+    return {name: version(name) for name in PACKAGES}
+
+
 def provenance_of(model: EngineModel, rerun: bool) -> dict:
     """Return the origin of a recording as JSON, sufficient to run the model again if `rerun` requires it."""
     parameters = parameters_of_run(model)
@@ -178,7 +185,7 @@ def provenance_of(model: EngineModel, rerun: bool) -> dict:
         "map": model.map.to_toml(),
         "scenery": scenery_of(model),
         "seed": _seed_to_json(model, seed, rerun),
-        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        "versions": {"python": platform.python_version(), **versions_of_packages()},
         "platform": platform.platform(),
         "rerun": rerun,
     }

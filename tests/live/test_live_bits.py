@@ -1,5 +1,6 @@
 """A model on its page has the bits that it has in Python."""
 
+import json
 import math
 import re
 from functools import cache
@@ -301,3 +302,31 @@ def test_steps_before_one_that_fails_are_counted_and_the_error_names_the_one_tha
     steps, words = ask_node(LivePage(model, ()), body, tmp_path)
     assert steps == 29
     assert words.startswith("step 30 cannot be taken here")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["boids", "fire_fighting", "puck_clustering", "learning_fires"])
+def test_sliders_act_on_every_start_as_in_python(name, tmp_path):
+    model_class, page = page_of(name)
+    assert page.variants
+    calls, expected = [], []
+    for variant in page.variants:
+        for parameter, present, values, change in page.changes.values():
+            stored = list(change.bytes) or values
+            other = stored[-1] if stored[-1] != present else stored[0]
+            begins, value = json.dumps({variant.name: variant.value}), json.dumps(other)
+            calls.append(f"[{begins}, {json.dumps(parameter.name)}, {value}, {json.dumps(present)}]")
+            model = continued(model_class(rng=1, **{variant.name: variant.value}), **{parameter.name: other})
+            expected.append(model.run(30).state_hash())
+    body = f"""
+    return [{", ".join(calls)}].map(([begins, name, value, usual]) => {{
+      const others = Object.fromEntries(model.about.begins.map(({{ name: one, value: own }}) => [one, own]));
+      model.reset({{ seed: 1, ...others, ...begins }});
+      model.set(name, value);
+      model.step(30);
+      const found = model.hash();
+      model.set(name, usual);
+      return found;
+    }});
+    """
+    assert ask_node(page, body, tmp_path) == expected
