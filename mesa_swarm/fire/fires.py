@@ -221,7 +221,7 @@ class Fire(Body):
         return int(self._read("robots"))
 
     def put_out(self) -> None:
-        """Put the fire out by hand, between two steps; robots that fight it are released.
+        """Put the fire out by hand, between two steps, unless it is out; robots that fight it are released.
 
         Examples
         --------
@@ -232,10 +232,13 @@ class Fire(Body):
         >>> fire.out, fire.temperature
         (True, 0.0)
         """
+        if self.out:
+            return
         self.table.temperature[self._alive()] = 0.0
         for name, value in (("out", True), ("out_step", self.model.steps), ("robots", 0)):
             self.fires.own[name][self.index] = value
-        self.model.parts["fires"].release_robots(self.index)
+        self.model.swarm.columns["fire"].fill(-1)
+        self.model.parts["bodies"].scene_changed()
 
     def light(self, temperature: float = 1.0) -> None:
         """Light the fire again by hand, between two steps.

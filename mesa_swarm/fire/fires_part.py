@@ -221,7 +221,7 @@ class FiresPart(Part):
         return prepared.kernel  # type: ignore[return-value]
 
     def release_robots(self, index: int) -> None:
-        """Release all robots from fires after one was put out by hand or removed."""
+        """Release all robots from fires after one was removed."""
         swarm = self.model.swarm
         swarm.forget_contacts(FIRE, np.array([index]))
         swarm.columns["fire"].fill(-1)

@@ -1,14 +1,16 @@
-"""What is changed by hand on a page: robots that are moved, where there is room."""
+"""What is changed by hand on a page: robots are moved where there is room, fires are put out and lit again."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from mesa_swarm.fire.burning import NO_FIRE, NOT_YET
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.type_names import IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.type_names import Codes, Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.placing import is_free, overlaps_any
+from mesa_swarm.world.statics import FIRE, OBSTACLE
 
 # What `put_robot` returns where there is no room.
 NO_ROOM = 1
@@ -36,6 +38,53 @@ def put_robot(block, step, first, last):
         return NO_ROOM
     p.position[first, 0], p.position[first, 1] = x, y
     return 0
+
+
+class FireArrays(NamedTuple):
+    """What `set_fire` takes: the rows of fires in the table of bodies, columns of bodies, fires and robots."""
+
+    rows: Integers
+    heat_of: Reals
+    out: Flags
+    out_step: Integers
+    fighters: Integers
+    fire: Integers
+    seen_as: Codes
+
+
+@compiled(nogil=True)
+def set_fire(block, step, first, last):
+    """Light the fire `first` at temperature 1 if `last` is above 0, otherwise put it out, after this number of steps.
+
+    As by hand in Python: nothing happens to one that is as it is to be, and robots no longer fight any.
+    """
+    f = unpack(block, FireArrays)
+    burns = last > 0
+    if burns != f.out[first]:
+        return 0
+    f.heat_of[f.rows[first]], f.out[first] = (1.0, False) if burns else (0.0, True)
+    f.out_step[first] = NOT_YET if burns else step
+    f.seen_as[first] = FIRE if burns else OBSTACLE
+    if not burns:
+        f.fighters[first] = 0
+        f.fire[:] = NO_FIRE
+    return 0
+
+
+def fires_in_hand(model: Any) -> Block:
+    """Return what `set_fire` takes of a model with fires."""
+    fires, scene = model.fires, model.parts.bodies.scene()
+    return Block(
+        FireArrays(
+            rows=scene.rows[len(scene.rows) - scene.apart :].copy(),
+            heat_of=scene.bodies.temperature,
+            out=fires.own["out"],
+            out_step=fires.own["out_step"],
+            fighters=fires.own["robots"],
+            fire=model.swarm.columns["fire"],
+            seen_as=scene.statics.seen_as,
+        )
+    )
 
 
 class Hand:

@@ -155,6 +155,16 @@ export class LiveModel {
     return code === 0;
   }
 
+  /** Light a fire again, or put it out, as its handle does in Python. */
+  burn(place, burns = true) {
+    const { lighter, fires } = this.#start, count = fires?.discs.length ?? 0;
+    if (!(Number.isInteger(place) && place >= 0 && place < count)) throw new Error(`fire is ${place}; expected 0 to ${count - 1}`);
+    this.#begin();
+    const [function_, block, length] = lighter;
+    this.#checked(this.#called(() => this.#exports.call_kernel(function_, block, length, this.#completed, place, burns ? 1 : 0)));
+    this.#sense();
+  }
+
   /** Return the fingerprint of the model as it is now: that of `model.state_hash()`. */
   hash() {
     const [digest, pieces, count] = this.#start.digest;

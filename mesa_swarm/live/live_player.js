@@ -146,6 +146,7 @@ class LivePlayer {
     this.model.reset(wanted);
     if (this.world !== before) this.stage.world = this.world;
     this.frames = new Frames(this.model, this.world);
+    this.describeFires();
     this.#points = [];
     find("seed").value = String(this.model.seed);
     find("over").hidden = true;
@@ -325,6 +326,7 @@ class LivePlayer {
     this.showLayers();
     this.showRobot();
     this.showReadings();
+    this.showFires();
   }
 
   showState() {
@@ -423,6 +425,7 @@ class LivePlayer {
     find("seed").replaceChildren(...about.starts.filter((start) => !start.with).map(({ seed }) => make("option", { value: String(seed) }, about.assembled ? "own" : String(seed))));
     this.describeReadings();
     this.describeSettings();
+    this.describeFires();
     const known = new Set(world.columns.map((column) => column.name)), { sensors, fires } = this.frames.frame().counts;
     const needs = { sectors: "distance", perceived: "kind", layers: "layer", heat: "heat", messages: "heard" };
     const idle = new Set([...(fires ? [] : ["heat", "labels"]), ...(sensors ? [] : ["sectors", "perceived"]), ...(about.radio ? [] : ["messages"]), "contacts"]);
@@ -452,6 +455,37 @@ class LivePlayer {
       const text = make("span", { title: "How many such events there were" }, `events: ${inWords(name)}`);
       find("readings").append(make("li", {}, text, make("b", { "data-event": String(k) }, "–")));
     });
+  }
+
+  /** Make a button for each fire, to put it out and light it again. */
+  describeFires() {
+    const discs = this.model.start.fires?.discs ?? [], largest = Math.max(...discs.map(([, , radius]) => radius));
+    find("burning").hidden = !discs.length;
+    find("fires").replaceChildren(...discs.map(([, , radius], place) => {
+      const name = `fire ${place + 1}${radius === largest ? ", the largest" : ""}`;
+      const button = make("button", { type: "button", "data-fire": String(place), click: () => this.burn(place, this.model.fire(place)[2] === 1) });
+      return make("li", {}, make("span", {}, name), make("b", {}, ""), button);
+    }));
+  }
+
+  /** Light a fire, or put it out. */
+  burn(place, burns) {
+    try {
+      this.model.burn(place, burns);
+    } catch (error) {
+      this.complain(error);
+    }
+    find("hash").textContent = "";
+    this.show(true);
+  }
+
+  showFires() {
+    for (const button of document.querySelectorAll("#fires button")) {
+      const [temperature, robots, out] = this.model.fire(Number(button.dataset.fire));
+      button.textContent = out ? "Light" : "Put out";
+      button.previousSibling.textContent = out ? "out" : `${Math.round(100 * temperature)} %`;
+      button.title = out ? "It is out" : `${robots} robots fight it`;
+    }
   }
 
   describeSettings() {
@@ -600,6 +634,7 @@ async function start() {
     },
     reset: (wanted = {}) => player.reset(wanted),
     move: (row, x, y) => player.put(row, x, y),
+    burn: (place, burns = true) => player.burn(place, burns),
     hash: () => model.hash(),
   });
   Object.defineProperty(swarm, "steps", { get: () => model.steps });

@@ -15,7 +15,7 @@ from mesa_swarm.kernels.measuring import ONLY
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.plan import Driver
 from mesa_swarm.learning.learner import LearningLayer
-from mesa_swarm.live.edits import Hand, put_robot
+from mesa_swarm.live.edits import Hand, fires_in_hand, put_robot, set_fire
 from mesa_swarm.live.fingerprint import Fingerprint, digest_pieces
 from mesa_swarm.live.image import Functions, Image, clean_memory
 from mesa_swarm.model.driving import ENGINE_MODEL, driver_of, kernels_of_stages, measure_in_place
@@ -113,14 +113,17 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         fingerprint = Fingerprint(model)
         streams = [stream for _, stream in model.streams.items()]
         addresses = {address: function for function, address in ADDRESSES.items()}
-        hand = Hand(model)
+        hand, lighter = Hand(model), fires_in_hand(model) if len(model.fires) else None
         functions.place_of(digest_pieces)
         functions.place_of(put_robot)
-        roots = [driver._block, fingerprint.block, hand.block]
+        roots = [driver._block, fingerprint.block, hand.block, *([] if lighter is None else [lighter])]
         image = Image(roots, notes, addresses, streams, functions, BASE)
         places = _places(model, driver, sensing, fingerprint, image, functions)
         places["hand"] = [functions.place_of(put_robot), image.address_of(hand.block.numbers), len(hand.block.numbers)]
         places["hand_at"] = image.address_of(hand.place)
+        if lighter is not None:
+            numbers = lighter.numbers
+            places["lighter"] = [functions.place_of(set_fire), image.address_of(numbers), len(numbers)]
         before, begun = image.content, b""
         if begin_learning(model):
             begun = image.written_anew()

@@ -6,6 +6,7 @@ from mesa_swarm import SwarmModel
 from mesa_swarm.live.live_page import LivePage
 from mesa_swarm.models.best_of_n import BestOfN
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.models.foraging import Foraging
 from mesa_swarm.recording.continuing import continued
 from support.axe import axe_findings
 from support.visits import blank_page
@@ -174,3 +175,31 @@ def test_it_begins_with_another_number_of_robots(opened):
     assert page.evaluate("[swarm.steps, swarm.parameters.n_robots]") == [0, 5]
     assert run_to(page, 300) == [300, FireFighting(n_robots=5, rng=1).run(300).state_hash()]
     assert "n_robots=5" in page.evaluate("location.hash")
+
+
+def test_a_fire_is_put_out_and_lit_again_by_its_button(opened):
+    page, model = opened(), FireFighting(rng=1).run(100)
+    run_to(page, 100)
+    button = page.locator("#fires button").nth(1)
+    assert button.text_content() == "Put out"
+    button.click()
+    model.fires[1].put_out()
+    assert (button.text_content(), page.evaluate(STATE)) == ("Light", [100, model.state_hash()])
+    page.keyboard.press("ArrowRight")
+    button.focus()
+    page.keyboard.press("Enter")
+    model.run(1).fires[1].light()
+    assert (button.text_content(), page.evaluate(STATE)) == ("Put out", [101, model.state_hash()])
+
+
+def test_events_are_counted_among_the_readings(tmp_path, opened):
+    model = Foraging(n_robots=8, rng=2)
+    page = opened(path=model.export(tmp_path / "foraging.html", live=True, seeds=0))
+    run_to(page, 600)
+    model.run(600)
+    assert page.evaluate("swarm.events.counts") == [model.events.count("delivered")]
+    shown = page.locator("#readings li", has_text="events: delivered").locator("b").text_content()
+    assert shown == str(model.events.count("delivered"))
+    last = page.evaluate("swarm.events.last.at(-1)")
+    step, name, robot, value = model.events.rows()[-1]
+    assert last == {"step": step, "name": name, "robot": robot, "value": value}

@@ -174,6 +174,26 @@ def test_a_robot_that_is_moved_on_the_page_is_where_its_handle_puts_it_in_python
     assert ask_node(page_of("fire_fighting")[1], body, tmp_path) == [[True, False, False], model.run(100).state_hash()]
 
 
+def test_fires_that_are_put_out_and_lit_on_the_page_are_as_their_handles_leave_them_in_python(tmp_path):
+    model = find_model("fire_fighting")(rng=1).run(50)
+    model.fires[1].put_out()
+    model.run(100)
+    model.fires[1].light()
+    model.fires[0].put_out()
+    body = """
+    model.step(50);
+    model.burn(1, false); model.burn(1, false);
+    model.step(100);
+    model.burn(1); model.burn(0, false);
+    model.step(200);
+    const complain = (place) => { try { model.burn(place); } catch (error) { return error.message; } return ""; };
+    return [model.hash(), [7, -1, 0.5].map(complain)];
+    """
+    found, complaints = ask_node(page_of("fire_fighting")[1], body, tmp_path)
+    assert found == model.run(200).state_hash()
+    assert complaints == [f"fire is {place}; expected 0 to 6" for place in (7, -1, 0.5)]
+
+
 def test_a_page_begins_with_other_numbers_of_robots_and_its_sliders_act_on_them(tmp_path):
     model_class, page = page_of("fire_fighting")
     (robots,) = {variant.value for variant in page.variants if variant.name == "n_robots"} & {20}
