@@ -57,14 +57,14 @@ class RecordedRun:
     cells: Sequence[str] = ()
 
     def live_page(self) -> str:
-        """Return the page that runs the model of a page of the gallery; empty where it has Python, or is large."""
-        if self.notebook != self.model and self.notebook:
-            return ""
-        try:
-            page = LivePage(find_model(self.model)(rng=self.rng, **self.settings), range(1, SEEDS + 1)).text(LARGEST)
-        except ExportError:
-            return ""
-        return page if len(page) <= LARGEST else ""
+        """Return the page that runs the model; empty where it has Python, or is large."""
+        with TemporaryDirectory() as folder:
+            model_class = find_model(self._address(Path(folder)))
+            try:
+                page = LivePage(model_class(rng=self.rng, **self.settings), range(1, SEEDS + 1)).text(LARGEST)
+            except ExportError:
+                return ""
+            return page if len(page) <= LARGEST else ""
 
     def page(self) -> str:
         """Return the page that plays a recording of it, with as many rows as its size permits."""

@@ -282,22 +282,21 @@ def test_the_home_page_every_model_and_every_notebook_has_a_recorded_run(site):
 def test_a_recorded_run_plays_by_itself_and_begins_again_at_its_end(site, chromium):
     with served(site) as address:
         page = blank_page(chromium)
-        page.goto(f"{address}/models/foraging/")
-        frame = page.frame_locator("iframe.recorded-run")
-        frame.locator("html[data-embedded][data-ready]").wait_for()
-        step = frame.locator("#scrub")
+        page.goto(f"{address}/recorded/foraging.html#embedded")
+        page.locator("html[data-embedded][data-ready]").wait_for()
+        step = page.locator("#scrub")
         before = step.input_value()
         wait_until(lambda: step.input_value() != before)
-        frame.locator("#scrub").fill(step.get_attribute("max"))
+        page.locator("#scrub").fill(step.get_attribute("max"))
         wait_until(lambda: int(step.input_value()) < int(step.get_attribute("max")) // 2)
-        assert frame.locator("header").is_hidden()
+        assert page.locator("header").is_hidden()
         page.close()
 
 
 def test_a_model_that_runs_on_a_page_runs_on_its_own(site, chromium):
     with served(site) as address:
         page = blank_page(chromium)
-        for place in ("models/boids/", ""):
+        for place in ("models/boids/", "models/foraging/", "notebooks/12_your_own/", ""):
             page.goto(f"{address}/{place}")
             frame = page.frame_locator("iframe.recorded-run")
             frame.locator("html[data-embedded][data-ready]").wait_for()

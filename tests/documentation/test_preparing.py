@@ -140,8 +140,9 @@ class TestRecordedRuns:
         assert run.start <= shot.start
 
     @pytest.mark.slow
-    def test_a_model_that_a_notebook_defines_is_made_from_its_cells(self):
-        page = recorded_runs()["12_your_own"].page()
+    @pytest.mark.parametrize("kind", ["page", "live_page"])
+    def test_a_model_that_a_notebook_defines_is_made_from_its_cells(self, kind):
+        page = getattr(recorded_runs()["12_your_own"], kind)()
         assert "Tramway" in page
         assert "/tmp" not in page
 
