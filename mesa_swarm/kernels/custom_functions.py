@@ -122,6 +122,24 @@ def _choose_power(x: Any, y: Any) -> Callable:
     return of_number if is_real and is_number(x) and is_number(y) else of_others
 
 
+def raise_in_place(x: Any, y: Any) -> Any:
+    """Return x to the power y; an array is changed in place, as by ``x **= y``."""
+    x **= y
+    return x
+
+
+@overload(raise_in_place)
+def _choose_power_in_place(x: Any, y: Any) -> Callable:
+    def of_arrays(x: Any, y: Any) -> Any:
+        x **= y
+        return x
+
+    def of_numbers(x: Any, y: Any) -> Any:
+        return raise_number(x, y)
+
+    return of_arrays if isinstance(x, types.Array) else of_numbers
+
+
 def is_left_out(kind: Any) -> bool:
     """Return whether a type of Numba's is that of an argument that was not given."""
     return kind is None or isinstance(kind, (types.Omitted, types.NoneType))
@@ -237,7 +255,8 @@ def call_power(block: Any, assignment: Any) -> None:
     """Let a function be called in place of an operator."""
     place, where = assignment.loc, block.body.index(assignment)
     function = ir.Var(block.scope, f"$power_{where}_{place.line}_{place.col or 0}", place)
-    block.body.insert(where, ir.Assign(ir.Global("raise_number", raise_number, place), function, place))
+    own = raise_number if assignment.value.op == "binop" else raise_in_place
+    block.body.insert(where, ir.Assign(ir.Global(own.__name__, own, place), function, place))
     operands = assignment.value.lhs, assignment.value.rhs
     assignment.value = ir.Expr.call(function, operands, (), place)
 

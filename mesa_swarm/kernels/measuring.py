@@ -147,17 +147,23 @@ MEASURING: dict[Any, tuple[Any, Any]] = {
 
 
 class RowArrays(NamedTuple):
-    """What `write_row` takes: rows of `KernelCall` of measures, where they write, a table, and how many rows it has."""
+    """What `write_row` takes.
+
+    Rows of `KernelCall` of measures, where they write, a table, and how many rows it has; whether a function has raised
+    an error, and a flag that ends the run after this step.
+    """
 
     measures: IntegerRows
     numbers: Reals
     table: RealRows
     steps: Integers
     written: Integers
+    failed: Flags
+    flag: Flags
 
 
-# Codes that a kernel returns: its buffer is full, and a function has raised an error.
-FULL, FAILED = 1, 3
+# The code that a kernel returns when its buffer is full.
+FULL = 1
 MOST_ROWS = 1000
 
 
@@ -171,7 +177,8 @@ def write_row(block, step, first, last):
     for k in range(measures.shape[0]):
         call = unpack(measures[k], KernelCall)
         if call_at(call.address, call.block, step, first, last) != 0:
-            return FAILED
+            r.failed[ONLY] = r.flag[ONLY] = True  # the step is whole: its error is raised when it is counted
+            return 0
         table[written[ONLY], k] = numbers[k]
     steps[written[ONLY]] = step
     written[ONLY] += 1
@@ -193,7 +200,8 @@ def check_stop(block, step, first, last):
     """Set the flag where the number is within the interval."""
     s = unpack(block, StopArrays)
     if call_at(s.measure.address, s.measure.block, step, first, last) != 0:
-        return FAILED
+        s.flag[ONLY] = True  # Python looks at the condition, and raises its error
+        return 0
     if s.low <= s.number[ONLY] <= s.high:
         s.flag[ONLY] = True
     return 0

@@ -1,6 +1,7 @@
 """The plan of a step: all stages in their order; and the driver, one compiled call that takes many steps."""
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -145,10 +146,11 @@ class Driver:
         self._kernels[self.progress[NEXT]].attend(code)  # type: ignore[misc]
 
     def finish(self) -> None:
-        """Take what kernels have written into buffers."""
-        for kernel in self._kernels:
-            if kernel.finish is not None:
-                kernel.finish()
+        """Take what kernels have written into buffers: of all kernels, also where one raises an error."""
+        with ExitStack() as stack:
+            for kernel in reversed(self._kernels):
+                if kernel.finish is not None:
+                    stack.callback(kernel.finish)
 
     def take(self, steps: int, completed: int, begun: int, rows: int, note: Callable[[int, int], None]) -> None:
         """Take at most this many steps of this many robots after `completed` ones; `begun` were counted.

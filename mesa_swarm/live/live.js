@@ -101,7 +101,7 @@ export class LiveModel {
     let taken = 0;
     if (count > 0) this.#begin();
     while (taken < count && !this.#emptied) {
-      const steps = Math.min(count - taken, MOST_STEPS), [now, code] = this.#drive(steps);
+      const steps = Math.min(count - taken, this.#most), [now, code] = this.#drive(steps);
       taken += now;
       this.#completed += now;
       this.#collect();
@@ -288,6 +288,12 @@ export class LiveModel {
     series.values = series.values.map(keep);
   }
 
+  /** How many steps a call may take: the buffer of events holds those of as many. */
+  get #most() {
+    const { events, robots } = this.#start;
+    return events ? Math.max(1, Math.min(MOST_STEPS, Math.floor(events.most / (robots * events.names.length)))) : MOST_STEPS;
+  }
+
   /** Take the events that were reported: how many of each name, and the last ones; their buffer begins anew when it is full. */
   #collectEvents() {
     const { events: places } = this.#start;
@@ -310,6 +316,7 @@ export class LiveModel {
     this.#collectEvents();
     const { rows } = this.#start;
     if (!rows) return;
+    if (this.#view("b1", rows.failed, 1)[0]) throw new Error(`a measure has failed in step ${this.#completed}; run the model in Python to see why`);
     const count = this.#view("i8", rows.count, 1), found = Number(count[0]), width = rows.names.length;
     const steps = this.#view("i8", rows.steps, found), table = this.#view("f8", rows.table, found * width);
     const { series } = this;

@@ -140,19 +140,25 @@ def find_same_change(
 ) -> Change | None:
     """Return what a parameter changes in another start, at the places of what it changes in the first one, if it does.
 
-    Arrays are in the same order in both images. One other value is tried; `find_change` would try all.
+    Arrays are in the same order in both images. Of numbers as they are two other values are tried, and of stored bytes
+    all: in this start another parameter may decide some of them.
     """
-    other, base = next(end for end in values[::-1] if end != value), trials.base
-    if known.bytes and other not in known.bytes:
-        other = [one for one in known.bytes if one != value][-1]
+    base, others = trials.base, [one for one in known.bytes or (values[0], values[-1]) if one != value]
+    contents = {other: trials.content_with({name: other}, trials.functions) for other in others}
     for from_end in (False, True):  # texts have numbers of other lengths in front, the shapes of arrays
         moved = _moved(known, first, trials.start, from_end)
-        if moved is not None and base is not None:
-            expected, found = base.copy(), trials.content_with({name: other}, trials.functions)
-            put_change(expected, moved, other)
-            if found is not None and np.array_equal(expected, found):
-                return moved
+        if moved is None or base is None:
+            continue
+        if all(_explains(moved, base, other, content) for other, content in contents.items()):
+            return moved
     return find_change(name, values, value, trials)
+
+
+def _explains(change: Change, base: np.ndarray, value: Any, content: np.ndarray | None) -> bool:
+    """Return whether a change makes of the base what the image is with a value."""
+    expected = base.copy()
+    put_change(expected, change, value)
+    return content is not None and np.array_equal(expected, content)
 
 
 def _moved(change: Change, first: Start, start: Start, from_end: bool) -> Change | None:

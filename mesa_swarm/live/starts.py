@@ -193,6 +193,7 @@ def _places(
             "table": find(table._table),
             "steps": find(table._steps),
             "count": find(table._count),
+            "failed": find(table._failed),
         }
     return places
 

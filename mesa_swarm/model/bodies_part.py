@@ -165,20 +165,26 @@ class BodiesPart(Part):
         return Kernel(let_go, carrying.block.numbers, carrying, self._refuse_way)
 
     def _refuse_way(self, code: int) -> None:
-        """Raise an error for the first body that was sent where no body can be; it is to stay where it is."""
-        table, (low, high) = self.table, self.space.dimensions.T
-        aims = np.column_stack([table.aim, table.aim_heading])
-        good = ((table.aim >= low) & (table.aim <= high)).all(axis=1) & np.isfinite(table.aim_heading)
-        row = int(np.argmax(~good))
-        table.aim[row], table.aim_heading[row] = table.position[row], table.heading[row]
+        """Raise an error for the first body that was sent where no body can be; all such are to stay where they are."""
+        table, (low, high), rows = self.table, self.space.dimensions.T, self.movers.rows
+        on_map = ((table.aim[rows] >= low) & (table.aim[rows] <= high)).all(axis=1)
+        asked = self.table.are_to_move(rows)
+        astray = rows[asked & ~(on_map & np.isfinite(table.aim_heading[rows]))]
+        aim = [*table.aim[astray[0]].tolist(), float(table.aim_heading[astray[0]])]
+        table.aim[astray], table.aim_heading[astray] = table.position[astray], table.heading[astray]
         raise BehaviourError(
-            f"a process sent body {table.agents[row].unique_id} to {shortened(aims[row].tolist())} in step "
+            f"a process sent body {table.agents[astray[0]].unique_id} to {shortened(aim)} in step "
             f"{self.model.steps}; expected x and y within {self.space.dimensions.tolist()} and a finite heading"
         )
 
     def begin_step(self) -> None:
-        """Forget which bodies are new, before anything of a step: from now on all travel."""
+        """Forget which bodies are new, before anything of a step: from now on all travel.
+
+        What a process has asked of fires in a step that failed is forgotten as well.
+        """
         self.table.fresh[:] = False
+        if "fires" in self.model.parts:
+            self.model.parts.fires.fires.asked[:] = np.nan
 
     def begin_move(self) -> None:
         """Forget what bodies did in the last step, and store where they are now; in a world without robots, move."""

@@ -263,7 +263,7 @@ def list_due_rows(model: Any) -> Iterator[Due]:
         yield Due("reporters of agents", every)
     for name, reporter in collector.model_reporters.items():
         held = held_of(reporter)
-        if held is not None and held.trigger.every > 1 and held_function(model, held) is None:
+        if held is not None and held_function(model, held) is None:
             yield HeldDue(name, held, every)
         elif held is None and measure_in_place(model, reporter) is None:
             cure = "declare it by count, share, mean, value or measure, or hold it"

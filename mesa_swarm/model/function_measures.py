@@ -8,6 +8,7 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
+from numba import typeof, types
 
 from mesa_swarm.base.errors import (
     BehaviourError,
@@ -27,6 +28,7 @@ from mesa_swarm.kernels.digests import digest_function
 from mesa_swarm.kernels.draws import Stream
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.model.measures import ColumnMeasure
+from mesa_swarm.model.process_rule import identity_of
 from mesa_swarm.physics.own_devices import array_of_parts, names_of_parts
 from mesa_swarm.robots.devices import warn_of_plain
 from mesa_swarm.world.read_only import locked_view
@@ -46,6 +48,15 @@ class MeasuredFunction:
         digest = digest_function(function, VERSION)
         self._run: Any = store_on_disk(compile_custom(rename_function(function, digest)), digest)
 
+    def __str__(self) -> str:
+        return f"measure {self.name}"
+
+    def is_whole(self, model: Any) -> bool:
+        """Return whether it returns whole numbers, by its types: it is not called."""
+        kinds = tuple(map(typeof, self.arguments(model).values()))
+        self._run.compile(kinds)
+        return isinstance(self._run.overloads[kinds].signature.return_type, (types.Integer, types.Boolean))
+
     def arguments(self, model: Any) -> dict[str, Any]:
         """Return what the function takes by name: columns, arrays of parts and processes, numbers of the model."""
         return {name: self._value(model, name) for name in self.takes}
@@ -54,6 +65,8 @@ class MeasuredFunction:
         if name == STEP:
             return int(model.steps)
         number, array = vars(model).get(name, self.numbers.get(name)), self._array(model, name)
+        if isinstance(number, np.generic):
+            number = number.item()
         if array is not None and number is not None:
             raise InvalidValueError(
                 f"parameter {name} of measure {self.name} is a column, and a number of the model or of the function as "
@@ -63,6 +76,11 @@ class MeasuredFunction:
             return locked_view(array)
         if isinstance(number, (int, float)):
             return number
+        if name in vars(model):
+            raise InvalidValueError(
+                f"parameter {name} of measure {self.name} is the attribute {name} of the model, {shortened(number)}; "
+                "expected a number"
+            )
         known = [*model.swarm.columns, *names_of_parts(model), *self.numbers, STEP]
         raise UnknownNameError(unknown_name(f"parameter of measure {self.name}", name, sorted(known)))
 
@@ -123,19 +141,20 @@ class FunctionMeasure(ColumnMeasure):
 
     def key(self, model: Any) -> Any:
         """Return what its kernel was made of."""
-        values = self.function.arguments(model).items()
-        return id(self.function), *((n, v.ctypes.data if isinstance(v, np.ndarray) else v) for n, v in values)
+        return id(self.function), *map(identity_of, self.function.arguments(model).values())
 
     def is_in_place(self, model: Any) -> bool:
         """Return whether compiled code can compute it."""
         try:
-            return self._made(model)[0].code is not None
+            made, values = self._made(model)
+            arrays = [value for value in values.values() if isinstance(value, np.ndarray)]
+            return made.code is not None and all(array.flags.c_contiguous for array in arrays)
         except UnknownNameError:  # of a part that may be added later
             return False
 
     def is_whole(self, model: Any) -> bool:
         """Return whether it is a whole number."""
-        return isinstance(self(model), int)
+        return self.function.is_whole(model)
 
     def kernel(self, model: Any, out: np.ndarray, slot: int, noted: np.ndarray | None = None, every: int = 1) -> Kernel:
         """Return the kernel that writes it into a place of an array, again after the steps that `every` divides."""

@@ -22,7 +22,6 @@ from mesa_swarm.kernels.block import CALL_NUMBERS, Block, KernelCall, code_addre
 from mesa_swarm.kernels.measuring import (
     COUNT,
     ELEMENT,
-    FAILED,
     MEAN,
     MEASURING,
     MOST_ROWS,
@@ -365,9 +364,10 @@ class MeasuredRows:
         self._measures = list(measures.values())
         calls = [Block(KernelCall(code_address(kernel.function), kernel.block)) for kernel in kernels]
         self._table, self._steps = np.zeros((MOST_ROWS, len(measures))), np.zeros(MOST_ROWS, np.int64)
-        self._count = np.zeros(1, np.int64)
-        block = Block(RowArrays(stack_blocks(calls, CALL_NUMBERS), numbers, self._table, self._steps, self._count))
-        self.kernel = Kernel(write_row, block.numbers, (block, kernels), self._attend, self.finish)
+        self._count, self._failed = np.zeros(1, np.int64), np.zeros(1, np.bool_)
+        rows = self._table, self._steps, self._count, self._failed, model.driving.flag
+        block = Block(RowArrays(stack_blocks(calls, CALL_NUMBERS), numbers, *rows))
+        self.kernel = Kernel(write_row, block.numbers, (block, kernels), lambda code: self.hand_over(), self.finish)
 
     def begin(self) -> None:
         """Take over what is held, which Python may have measured since."""
@@ -376,14 +376,16 @@ class MeasuredRows:
             self._noted[slot] = held.measured
             self._numbers[slot] = math.nan if held.value is None else held.value
 
-    def _attend(self, code: int) -> None:
-        """Hand over rows where there is no room for more; raise the error of a function, which is called once more."""
-        self.finish()
-        model = self._model()
-        for measure in self._measures if code == FAILED and model is not None else ():
-            measure(model)
-
     def finish(self) -> None:
+        """Hand over the rows; raise the error of a function that has failed, which is called once more for it."""
+        self.hand_over()
+        model = self._model()
+        if self._failed[ONLY] and model is not None:
+            self._failed[ONLY] = False
+            for measure in self._measures:
+                measure(model)
+
+    def hand_over(self) -> None:
         """Hand over the rows that were written, and what is held."""
         for name, held in self._held.items():
             slot = self._names.index(name)
@@ -446,14 +448,7 @@ class Until:
         kernel = measure.kernel(model, number, ONLY)
         call = KernelCall(code_address(kernel.function), kernel.block)
         block = Block(StopArrays(call, number, float(self.low), float(self.high), flag))
-        of_model = ref(model)
-
-        def fail(code: int) -> None:  # the function of a measure is called once more for its error
-            present = of_model()
-            if present is not None:
-                measure(present)
-
-        return Kernel(check_stop, block.numbers, (block, kernel), fail)
+        return Kernel(check_stop, block.numbers, (block, kernel))
 
 
 def until(of: str | ColumnMeasure, *, every: int = 1, **bounds: Any) -> Until:

@@ -237,7 +237,7 @@ class ProcessRule(Process):
         if self.takes_model:
             return None
         arguments = self.arguments(model)
-        key = [*map(_identity, (*arguments.values(), model.swarm.version, *self._of_events(model)))]
+        key = [*map(identity_of, (*arguments.values(), model.swarm.version, *self._of_events(model)))]
         if self._prepared.state != key:
             self._prepared.state, self._prepared.kernel = key, self._make_kernel(model, arguments)
         return self._prepared.kernel
@@ -308,7 +308,8 @@ def rule_of_process(
     return process
 
 
-def _identity(value: Any) -> Any:
+def identity_of(value: Any) -> Any:
+    """Return what differs for another array, or one of another length or type, and for another number."""
     if not isinstance(value, np.ndarray):
         return type(value), repr(value)
     return value.ctypes.data, value.shape, value.dtype.str, value.flags.writeable
@@ -399,6 +400,8 @@ def _process_of(function: Callable, memory: Mapping[str, Any] | None, every: int
         if parameter.default is not parameter.empty
     }
     for name, number in numbers.items():
+        if name in (STEP, CHANCE, STREAM):
+            raise InvalidValueError(f"{name} of process {function.__name__} has a default; leave it out: it is given")
         if not isinstance(number, bool):
             check_number(f"{function.__name__}'s {name}", number)
     arrays = {name: check_remembered(function.__name__, name, first) for name, first in (memory or {}).items()}

@@ -74,8 +74,8 @@ class ProcessesPart(Part):
             every = getattr(process, "takes_place_every", 1)
             yield Stage(Phase.PROCESS, call, f"{name} takes place", kernel, every, python=python)
         asked = {name for process in self.numbered.values() for name in getattr(process, "asks", ())}
-        for part in self.model.parts.values():
-            if asked and hasattr(part, "answer"):
+        for part in self.model.parts.standing() if asked else ():
+            if hasattr(part, "answer"):
                 yield from part.answer(asked)
 
     def parameters(self) -> list:

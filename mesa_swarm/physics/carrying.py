@@ -299,6 +299,21 @@ def meets_way(c, k, row):
     return gap_of(core, way, math.inf, outlines) <= room.forms.core_radius[k] + c.reach[row]
 
 
+@compiled
+def is_sent(c, row):
+    """Return whether a body is to be elsewhere."""
+    is_there = c.aim[row, 0] == c.position[row, 0] and c.aim[row, 1] == c.position[row, 1]
+    return not is_there or c.aim_heading[row] != c.heading[row]
+
+
+@compiled
+def is_astray(c, row):
+    """Return whether a body is sent to what is no place of the map."""
+    x, y, bounds = c.aim[row, 0], c.aim[row, 1], c.bounds
+    on_map = bounds[0] <= x <= bounds[2] and bounds[1] <= y <= bounds[3]
+    return is_sent(c, row) and not (on_map and math.isfinite(c.aim_heading[row]))
+
+
 @compiled(nogil=True)
 def let_go(block, step, first, last):
     """Put carried bodies where a process has sent them, if they have room there; refuse places that are not on the map.
@@ -306,16 +321,16 @@ def let_go(block, step, first, last):
     All other requests are for the next step.
     """
     c = unpack(block, CarryArrays)
-    bounds, placed, changed = c.bounds, False, False
+    placed, changed = False, False
+    for k in range(c.first, c.poses.loads.shape[0]):  # if one is refused, nothing is done
+        if is_astray(c, c.poses.loads[k]):
+            return ASTRAY
     for k in range(c.first, c.poses.loads.shape[0]):
         row = c.poses.loads[k]
-        x, y, heading = c.aim[row, 0], c.aim[row, 1], c.aim_heading[row]
-        if x == c.position[row, 0] and y == c.position[row, 1] and heading == c.heading[row]:
+        if not is_sent(c, row):
             continue
-        on_map = bounds[0] <= x <= bounds[2] and bounds[1] <= y <= bounds[3]
-        if not on_map or not math.isfinite(heading):
-            return ASTRAY
-        c.aim_heading[row] = heading = wrap_angle(heading)
+        x, y, heading = c.aim[row, 0], c.aim[row, 1], wrap_angle(c.aim_heading[row])
+        c.aim_heading[row] = heading
         if c.mode[row] != IS_CARRIED:
             continue
         if not placed:

@@ -228,6 +228,15 @@ def test_powers_in_a_compiled_function_of_a_user_are_of_the_package_in_every_not
         assert compiled(x, y, 5) == (*expected, x * x, 243, pytest.approx(1 / (x * x)), 32.0)
 
 
+def test_an_array_is_raised_in_place():
+    def root(values, y):
+        values **= y
+
+    values = np.array([4.0, 9.0])
+    compile_custom(root)(values, 0.5)
+    assert values.tolist() == [2.0, 3.0]
+
+
 def test_powers_of_arrays_and_complex_numbers_are_as_before():
     found = compile_custom(lambda values, y: (values**y, (1j * y) ** 2.0, values ** np.float64(2.0)))
     squares, negative, others = found(np.array([1.0, 2.0]), 3.0)

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, disc, held, measure, process, until
+from mesa_swarm import AGENT9, Column, Part, SwarmModel, disc, held, measure, process, until
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 
@@ -152,6 +152,94 @@ def test_an_error_of_a_function_names_it_and_the_step(steps):
     model = Failing(rng=8).run(29 if steps == 1 else 0)
     with pytest.raises(BehaviourError, match=r"^measure Failing.order failed in step 30: it raised ValueError: thirty"):
         model.run(steps)
+
+
+@pytest.mark.parametrize("take", [lambda model, n: model.run(n), lambda model, n: [model.step() for _ in range(n)]])
+def test_after_an_error_of_a_function_the_run_goes_on_behind_a_whole_step(take):
+    model = Failing(rng=8)
+    with pytest.raises(BehaviourError):
+        take(model, 50)
+    take(model, 20)
+    assert (model.steps, model.completed) == (50, 50)
+    assert "driven: up to 1000 steps" in str(model.plan)
+
+
+class Bodies(SwarmModel):
+    """Bodies that come and go."""
+
+    def __init__(self, rng=None, **reporters):
+        super().__init__(rng=rng, model_reporters={"weight": "weight", **reporters})
+        self.add_robots(AGENT9, 2)
+        self.k = np.int64(2)
+
+    @measure
+    @staticmethod
+    def weight(bodies_position, k):
+        return len(bodies_position) * k
+
+
+@pytest.mark.parametrize("first", range(1, 8))
+def test_rows_and_stops_follow_bodies_that_are_added_and_numbers_of_other_types(first):
+    model = Bodies(rng=1)
+    walls = len(model.bodies)
+    for k in range(first):
+        model.add_body(disc((100 + 30 * k, 300), 5))
+    model.run(5)
+    model.add_body(disc((100, 100), 5))
+    model.run(5)
+    assert model.datacollector.model_vars["weight"] == [2 * (walls + first)] * 5 + [2 * (walls + first + 1)] * 5
+    ended = model.run(50, until=until("weight", at_least=2 * (walls + first + 1)))
+    assert ended.completed == 11
+    model.k = 2.0
+    model.run(5)
+    assert type(model.datacollector.model_vars["weight"][-1]) is float
+
+
+def test_a_number_that_is_held_for_one_step_is_measured_in_each():
+    model = Bodies(rng=1, **held("counted", every=1))
+    type(model).counted = property(lambda model: model.completed)
+    model.run(7)
+    assert model.datacollector.model_vars["counted"] == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_what_cannot_be_measured_yet_is_not_asked_for():
+    class Late(SwarmModel):
+        @measure
+        @staticmethod
+        def late(step):
+            if step < 10:
+                raise ValueError("too early")
+            return 1.5
+
+    model = Late(rng=1, collect_every=10, model_reporters=held("late", every=10))
+    model.add_robots(AGENT9, 1)
+    assert model.run(20).datacollector.model_vars["late"] == [1.5, 1.5]
+
+
+def test_columns_that_are_not_contiguous_are_read_as_they_are():
+    class Pairs(Part):
+        name = "pairs"
+
+        def __init__(self):
+            self.base = np.arange(6.0).reshape(3, 2)
+
+        def columns(self):
+            return {"second": Column(self.base[:, 1], None)}
+
+    model = SwarmModel(rng=1, model_reporters={"sum": measure(lambda pairs_second: pairs_second.sum())})
+    model.add_part(Pairs())
+    model.add_robots(AGENT9, 1)
+    assert model.run(4).datacollector.model_vars["sum"] == [9.0] * 4
+
+
+def test_an_attribute_that_is_no_number_is_named():
+    model = Bodies(rng=1)
+    model.k = None
+    with pytest.raises(
+        InvalidValueError, match=r"parameter k of measure Bodies.weight is the attribute k of the model"
+    ):
+        _ = model.weight
+    assert repr(until(Bodies.weight, at_least=1)).startswith("until('measure Bodies.weight'")
 
 
 def test_a_function_that_numba_refuses_is_run_in_python_with_a_warning():

@@ -173,6 +173,32 @@ def test_a_place_that_is_not_on_the_map_is_refused_in_one_line_and_forgotten(sen
 
 
 @process
+def scatter_badly(bodies_aim, bodies_kind, step, kind=0):
+    count = 0
+    for b in range(len(bodies_kind)):
+        if bodies_kind[b] == kind and step == 3:
+            bodies_aim[b, 0] = 300.0 if count == 0 else np.nan if count < 3 else 5000.0
+            count += 1
+
+
+def test_where_one_body_is_refused_all_stay_and_none_is_hidden():
+    model = SwarmModel(rng=1)
+    model.add_obstacle(disc((-5, 50), 20))
+    bodies = [model.add_body(disc((108 + 60 * k, 100), 2), kind="puck") for k in range(4)]
+    model.add_robots(DESIGN, poses=[(100, 100, 0.0), (300, 88, math.pi / 2)])
+    model.control = Subsumption(hold())
+    model.attach(model.robots[0], bodies[0])
+    model.add_process(scatter_badly(kind=model.kind_code("puck")))
+    before = [body.position.tolist() for body in bodies[1:]]
+    with pytest.raises(BehaviourError, match=rf"a process sent body {bodies[1].unique_id} to \[nan"):
+        model.run(5)
+    model.run(3)
+    assert bodies[0].carrier is model.robots[0] or bodies[0].position[0] == 300
+    assert [body.position.tolist() for body in bodies[1:]] == before
+    assert not np.isnan(model.parts.bodies.scene().statics.discs[2:]).any()
+
+
+@process
 def drift(bodies_aim, bodies_kind, kind=0, stride=1.0):
     for b in range(len(bodies_kind)):
         if bodies_kind[b] == kind:
