@@ -318,3 +318,16 @@ def is_refused(compiled: Any, values: tuple) -> bool:
     except Exception:  # Numba's own code raises ordinary errors too
         return True
     return False
+
+
+def returns_whole_number(compiled: Any, values: tuple) -> bool:
+    """Return whether a compiled function returns a whole number, or whether something is true, for such values.
+
+    Examples
+    --------
+    >>> returns_whole_number(compile_custom(lambda x: x > 1), (0.5,))
+    True
+    """
+    kinds = tuple(map(typeof, values))
+    compiled.compile(kinds)
+    return isinstance(compiled.overloads[kinds].signature.return_type, (types.Integer, types.Boolean))

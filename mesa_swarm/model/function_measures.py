@@ -8,7 +8,6 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
-from numba import typeof, types
 
 from mesa_swarm.base.errors import (
     BehaviourError,
@@ -22,7 +21,7 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.control.source import own_randomness
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.custom_code import rename_function, store_on_disk
-from mesa_swarm.kernels.custom_functions import VERSION, compile_custom, is_refused
+from mesa_swarm.kernels.custom_functions import VERSION, compile_custom, is_refused, returns_whole_number
 from mesa_swarm.kernels.custom_kernels import MEASURE, STEP, kernel_of_function
 from mesa_swarm.kernels.digests import digest_function
 from mesa_swarm.kernels.draws import Stream
@@ -53,9 +52,7 @@ class MeasuredFunction:
 
     def is_whole(self, model: Any) -> bool:
         """Return whether it returns whole numbers, by its types: it is not called."""
-        kinds = tuple(map(typeof, self.arguments(model).values()))
-        self._run.compile(kinds)
-        return isinstance(self._run.overloads[kinds].signature.return_type, (types.Integer, types.Boolean))
+        return returns_whole_number(self._run, tuple(self.arguments(model).values()))
 
     def arguments(self, model: Any) -> dict[str, Any]:
         """Return what the function takes by name: columns, arrays of parts and processes, numbers of the model."""
