@@ -140,6 +140,7 @@ def test_a_reload_on_compare_goes_on_where_both_worlds_were_and_leaves_the_run_o
     wait_until(lambda: pair.completed > 40 if plays else pair.completed == 40 and not pair.playing)
     assert (pair.playing, pair.loop.speed) == (plays, 5.0)
     pair.pause()
+    pair.step()  # which waits until the thread that plays has left both models
     assert page.session.model.completed == 0
     for side in pair.sides:
         side.model.run(200 - side.model.completed)
