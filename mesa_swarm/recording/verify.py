@@ -242,16 +242,19 @@ def states_to(recording: Recording, checkpoint: int, earlier: Sequence[Checkpoin
 
 def restore_last(recording: Recording, model_class: type, states: list[Checkpoint]) -> EngineModel:
     """Return a new model with the last of these states."""
-    facts, fresh = recording.provenance, rebuild_model(recording.provenance, model_class)
-    made = {*fresh.parts.processes.numbered}, {*fresh.parts}
+    facts, model = recording.provenance, rebuild_model(recording.provenance, model_class)
+    made, problem = ({*model.parts.processes.numbered}, {*model.parts}), ""
     try:
-        model = restore(fresh, states[-1], states[:-1], written_in=facts["format"])
-        if is_of_other_bits(facts) and (made[0] - {*model.parts.processes.numbered} or made[1] - {*model.parts}):
-            raise RecordingError(f"{model_class.__name__} has other processes and parts now")
+        restore(model, states[-1], states[:-1], written_in=facts["format"])
     except RecordingError as error:
         if not is_of_other_bits(facts):
             raise
-        raise RecordingError(f"{error}; {describe_bits(facts)}") from None
+        problem = f"{error}"
+    # What is not stored is removed before anything else is restored, and its absence is why the rest may fail.
+    if is_of_other_bits(facts) and (made[0] - {*model.parts.processes.numbered} or made[1] - {*model.parts}):
+        problem = f"{model_class.__name__} has other processes and parts now"
+    if problem:
+        raise RecordingError(f"{problem}; {describe_bits(facts)}")
     return model
 
 

@@ -13,7 +13,7 @@ def run(*command: object, cwd: Path, check: bool = True) -> str:
     """Return what a command prints; it may see neither the repository nor this process's settings of Python."""
     words = [str(word) for word in command]
     clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=600, check=False, env=clean)
+    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=300, check=False, env=clean)
     assert not check or done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
