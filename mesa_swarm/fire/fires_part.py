@@ -68,14 +68,26 @@ class FiresPart(Part):
         if "fires.light" in asked and len(self.fires):
             yield Stage(Phase.PROCESS, self.light, "fires are lit again", self.lighting())
 
+    def begin_step(self) -> None:
+        """Forget what processes have asked for in a step that failed."""
+        self.fires.asked[:] = np.nan
+
     def light(self) -> None:
         """Light the fires again for which processes have asked."""
         self.lighting().run(self.model.steps, len(self.model.swarm))
 
     def lighting(self) -> Kernel:
         """Return what lights fires again, and lets layers note it that count fires which go out."""
-        fires, scene, control = self.fires, self.model.parts.bodies.scene(), self.model.control
-        arrays = LightArrays(
+        fires, control, arrays = self.fires, self.model.control, self.to_light()
+        block = Block(arrays)
+        layers = [] if control is None else control.layers
+        noting = [layer.kernel_of_lighting(fires.asked) for layer in layers if hasattr(layer, "kernel_of_lighting")]
+        return sequence_of([*noting, Kernel(light_all, block.numbers, block, partial(self._refuse_to_light, arrays))])
+
+    def to_light(self) -> LightArrays:
+        """Return what is written of fires that are put out or lit again."""
+        fires, scene = self.fires, self.model.parts.bodies.scene()
+        return LightArrays(
             asked=fires.asked,
             rows=scene.rows[len(scene.rows) - scene.apart :].copy(),
             heat_of=scene.bodies.temperature,
@@ -85,10 +97,6 @@ class FiresPart(Part):
             fire=self.model.swarm.columns["fire"],
             seen_as=scene.statics.seen_as,
         )
-        block = Block(arrays)
-        layers = [] if control is None else control.layers
-        noting = [layer.kernel_of_lighting(fires.asked) for layer in layers if hasattr(layer, "kernel_of_lighting")]
-        return sequence_of([*noting, Kernel(light_all, block.numbers, block, partial(self._refuse_to_light, arrays))])
 
     def _refuse_to_light(self, arrays: LightArrays, code: int) -> None:
         """Raise an error for the first temperature at which no fire can be lit, and forget what was asked."""

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.fire.burning import NO_FIRE, NOT_YET
+from mesa_swarm.fire.burning import NO_FIRE, NOT_YET, LightArrays
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.type_names import Codes, Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.type_names import IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.placing import is_free, overlaps_any
 from mesa_swarm.world.statics import FIRE, OBSTACLE
@@ -40,25 +40,13 @@ def put_robot(block, step, first, last):
     return 0
 
 
-class FireArrays(NamedTuple):
-    """What `set_fire` takes: the rows of fires in the table of bodies, columns of bodies, fires and robots."""
-
-    rows: Integers
-    heat_of: Reals
-    out: Flags
-    out_step: Integers
-    fighters: Integers
-    fire: Integers
-    seen_as: Codes
-
-
 @compiled(nogil=True)
 def set_fire(block, step, first, last):
     """Light the fire `first` at temperature 1 if `last` is above 0, otherwise put it out, after this number of steps.
 
     As by hand in Python: nothing happens to one that is as it is to be, and robots no longer fight any.
     """
-    f = unpack(block, FireArrays)
+    f = unpack(block, LightArrays)
     burns = last > 0
     if burns != f.out[first]:
         return 0
@@ -73,18 +61,7 @@ def set_fire(block, step, first, last):
 
 def fires_in_hand(model: Any) -> Block:
     """Return what `set_fire` takes of a model with fires."""
-    fires, scene = model.fires, model.parts.bodies.scene()
-    return Block(
-        FireArrays(
-            rows=scene.rows[len(scene.rows) - scene.apart :].copy(),
-            heat_of=scene.bodies.temperature,
-            out=fires.own["out"],
-            out_step=fires.own["out_step"],
-            fighters=fires.own["robots"],
-            fire=model.swarm.columns["fire"],
-            seen_as=scene.statics.seen_as,
-        )
-    )
+    return Block(model.parts.fires.to_light())
 
 
 class Hand:

@@ -301,10 +301,11 @@ export class LiveModel {
     const { most, names } = places, filled = this.#view("i8", places.filled, 1), count = Number(filled[0]);
     const [step, code, id] = ["step", "code", "unique_id"].map((name) => this.#view("i8", places[name], most));
     const value = this.#view("f8", places.value, most);
-    for (let k = 0; k < Math.min(count, most); k++) this.events.counts[Number(code[k])] += 1;
-    for (let k = Math.max(0, count - most); k < count; k++) {
-      const row = k % most, name = names[Number(code[row])];
-      this.events.last.push({ step: Number(step[row]), name, robot: Number(id[row]), value: value[row] });
+    if (count > most) throw new Error(`step ${this.#completed} reported ${count} events, and a page has room for ${most} in a step; run the model in Python`);
+    for (let k = 0; k < count; k++) {
+      const name = names[Number(code[k])];
+      this.events.counts[Number(code[k])] += 1;
+      this.events.last.push({ step: Number(step[k]), name, robot: Number(id[k]), value: value[k] });
     }
     this.events.last = this.events.last.slice(-MOST_EVENTS);
     filled[0] = 0n;

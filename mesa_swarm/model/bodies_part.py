@@ -178,13 +178,8 @@ class BodiesPart(Part):
         )
 
     def begin_step(self) -> None:
-        """Forget which bodies are new, before anything of a step: from now on all travel.
-
-        What a process has asked of fires in a step that failed is forgotten as well.
-        """
+        """Forget which bodies are new, before anything of a step: from now on all travel."""
         self.table.fresh[:] = False
-        if "fires" in self.model.parts:
-            self.model.parts.fires.fires.asked[:] = np.nan
 
     def begin_move(self) -> None:
         """Forget what bodies did in the last step, and store where they are now; in a world without robots, move."""

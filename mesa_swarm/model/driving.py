@@ -185,7 +185,7 @@ def begin_stretch(model: Any, steps: int, stops: Sequence[Until] = ()) -> Stretc
     driver = driver_of(model, model.parts.plan, stops)
     completed, begun = model.completed, model.steps
     cache.ahead = begun - completed
-    model.parts.bodies.begin_step()
+    model.parts.begin_step()
     return Stretch(model, driver, most, completed, begun, len(model.swarm), observers)
 
 

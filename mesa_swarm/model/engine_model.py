@@ -695,7 +695,7 @@ class EngineModel(MesaModel):
         rows.first = self._completed
         if type(collector) is not Collector:
             rows.before, rows.is_due = rows_in(collector), False
-        self.parts.bodies.begin_step()
+        self.parts.begin_step()
 
     def _fail_step(self) -> None:
         self.parts.robots.forget_readings()  # which were those of the step that failed

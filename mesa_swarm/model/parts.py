@@ -161,6 +161,12 @@ class Parts(Mapping[str, Part]):
         """Return the parts that every model of a class has, in their order."""
         return [part for name, part in self._by_name.items() if name in self._standing]
 
+    def begin_step(self) -> None:
+        """Let bodies and fires forget what is of the last step, before anything of the next one."""
+        self.bodies.begin_step()
+        if "fires" in self._by_name:
+            self.fires.begin_step()
+
     def added(self) -> list[Part]:
         """Return the parts that were added, in their order."""
         return [part for name, part in self._by_name.items() if name not in self._standing]

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, process, scatter
+from mesa_swarm import AGENT9, Map, SwarmModel, process, scatter
 from mesa_swarm.control import (
     PASS,
     Avoid,
@@ -263,6 +263,24 @@ def test_events_are_those_of_python_and_their_number_and_the_last_ones_are_kept(
     assert 1000 <= length < 6000
     assert last == {"step": 6000, "name": "passed", "robot": model.swarm.agents[0].unique_id, "value": 1.0}
     assert found == model.state_hash()
+
+
+@process(events=("passed",))
+def report_all(passed):
+    passed[:] = 1.0
+
+
+@pytest.mark.slow
+def test_more_events_in_a_step_than_a_page_has_room_for_are_an_error_and_not_a_wrong_count(tmp_path):
+    model = SwarmModel(map=Map(name="hall", bounds=(0, 0, 1400, 1400)), rng=1)
+    model.add_robots(AGENT9, poses=[(20 * (1 + n % 65), 20 * (1 + n // 65), 0) for n in range(4225)])
+    model.add_process(report_all)
+    body = """
+    try { model.step(1); } catch (error) { return error.message; }
+    return "no error";
+    """
+    found = ask_node(LivePage(model), body, tmp_path)
+    assert found == "step 1 reported 4225 events, and a page has room for 4096 in a step; run the model in Python"
 
 
 @pytest.mark.slow
