@@ -62,12 +62,14 @@ input,button{font:inherit;padding:.4em .8em}</style>
 <form><label>Token <input name="token" type="password" autofocus></label> <button>Enter</button></form></html>"""
 MALFORMED = "This request is malformed."
 HTML = b"text/html"
-# What Solara's page lacks: its language, a name and liveness of its progress bar, for screen readers, and leave to be
-# enlarged.
+WIDGETS_SCRIPT = b"requirejs.config({map: {'*': {anywidget: 'nbextensions/anywidget/index'}}});\n        "
+# What Solara's page lacks: its language, a name and liveness of its progress bar, for screen readers, leave to be
+# enlarged, and where the script of our widgets is. Its extension says so too, but may come after the widgets.
 COMPLETED = (
     (re.compile(rb"<html>"), b'<html lang="en">'),
     (re.compile(rb'(?<=<meta name="viewport" content=")[^"]*'), b"width=device-width, initial-scale=1"),
     (re.compile(rb"<v-progress-linear(?= :style)"), b'<v-progress-linear aria-label="Busy" aria-live="polite"'),
+    (re.compile(rb"(?=requirejs\.config\(\{)"), WIDGETS_SCRIPT),
 )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm.model.gallery import model_names
+from support.visits import Visit
 from support.waiting import wait_until
 
 NAMELESS = """[...document.querySelectorAll("button, input, select, summary, canvas")]
@@ -51,6 +52,19 @@ def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor):
         visitor.wait_for_step(before)
         visitor.press("Reset")
         visitor.wait_for_step(0)
+
+
+@pytest.mark.slow
+def test_a_page_comes_whole_although_the_extension_does_not_say_where_the_widgets_script_is(server, chromium):
+    """It says so when it is loaded, which may be after the widgets."""
+    context = chromium.new_context()
+    context.route(
+        "**/anywidget/extension.js*", lambda route: route.fulfill(body="define({});", content_type="text/javascript")
+    )
+    visit = Visit(context, server[1])
+    assert visit.step == 0
+    context.close()
+    assert visit.complaints == []
 
 
 @pytest.mark.slow

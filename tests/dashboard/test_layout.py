@@ -66,6 +66,9 @@ def test_solaras_page_still_has_what_is_replaced():
     page = complete_page(solaras_page().encode())
     for added in (b'<html lang="en">', b'<v-progress-linear aria-label="Busy"'):
         assert page.count(added) == 1
+    assert page.index(b"anywidget: 'nbextensions/anywidget/index'") < page.index(
+        b"{% for ext in resources.nbextensions if"
+    )
     assert b"user-scalable" not in page
     assert b"maximum-scale" not in page
 
