@@ -18,9 +18,8 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Stage
-from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.state_hash import describe_bodies
-from mesa_swarm.physics.carrying import Carrying, let_go
+from mesa_swarm.physics.carrying import ASTRAY, Carrying, let_go
 from mesa_swarm.physics.driven_bodies import BeginArrays, EndArrays, Moving, begin_ways, end_ways
 from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
@@ -37,7 +36,7 @@ from mesa_swarm.world.bodies import (
     check_temperature,
     handle_classes,
 )
-from mesa_swarm.world.movers import Driven, Movers, poses_of_agents
+from mesa_swarm.world.movers import Driven, Movers, is_led_elsewhere, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
 from mesa_swarm.world.statics import CARRIED, DRIVEN, FIRE, FIXED, KINDS, LOAD, MOST_KINDS, OBSTACLE, PUSHED, ROBOT
 
@@ -53,6 +52,8 @@ CHANGING = (
 # What of them functions of arrays may read besides.
 READ = ("kind", "mode", "carrier")
 POSES, HEAT = "pose of driven bodies", "temperature of bodies"
+# Why no process sends a body that moves in such a way.
+AT_REST = {FIXED: "is at rest", PUSHED: "is pushed by robots"}
 
 
 Handle = TypeVar("Handle", bound=Body)
@@ -155,26 +156,42 @@ class BodiesPart(Part):
 
     def let_go(self) -> None:
         """Put carried bodies where processes have sent them."""
+        if self.cache.followers and len(self._find_astray()):  # of agents compiled functions know nothing
+            self._refuse_ways()
         self.letting_go().run(self.model.completed + 1, len(self.swarm))
 
     def letting_go(self) -> Kernel:
-        """Return what ends what processes ask of bodies: it refuses what is no place, and lets go of carried ones."""
-        if not len(self.movers):
-            return sequence_of([])
+        """Return what ends what processes ask of bodies: it refuses what cannot be, and lets go of carried ones."""
         carrying = self.carrying()
-        return Kernel(let_go, carrying.block.numbers, carrying, self._refuse_way)
+        return Kernel(let_go, carrying.block.numbers, carrying, self._refuse_ways)
 
-    def _refuse_way(self, code: int) -> None:
-        """Raise an error for the first body that was sent where no body can be; all such are to stay where they are."""
-        table, (low, high), rows = self.table, self.space.dimensions.T, self.movers.rows
-        on_map = ((table.aim[rows] >= low) & (table.aim[rows] <= high)).all(axis=1)
-        asked = self.table.are_to_move(rows)
-        astray = rows[asked & ~(on_map & np.isfinite(table.aim_heading[rows]))]
-        aim = [*table.aim[astray[0]].tolist(), float(table.aim_heading[astray[0]])]
-        table.aim[astray], table.aim_heading[astray] = table.position[astray], table.heading[astray]
-        raise BehaviourError(
-            f"a process sent body {table.agents[astray[0]].unique_id} to {shortened(aim)} in step "
-            f"{self.model.steps}; expected x and y within {self.space.dimensions.tolist()} and a finite heading"
+    def _refuse_ways(self, code: int = ASTRAY) -> None:
+        """Raise an error for the first body that cannot go where it was sent; all such are to stay where they are."""
+        table, rows = self.table, self._find_astray()
+        error = self._error_of_way(int(rows[0]))
+        table.aim[rows], table.aim_heading[rows] = table.position[rows], table.heading[rows]
+        raise error
+
+    def _find_astray(self) -> np.ndarray:
+        """Return the rows of bodies that were sent where no body can be, or that cannot be sent."""
+        table, (low, high) = self.table, self.space.dimensions.T
+        on_map = ((table.aim >= low) & (table.aim <= high)).all(axis=1) & np.isfinite(table.aim_heading)
+        can_go = on_map & np.isin(table.mode, (DRIVEN, CARRIED))
+        can_go[[body.row for body in self.followers() if is_led_elsewhere(body)]] = False
+        return np.flatnonzero(table.are_to_move(np.arange(len(table))) & ~can_go)
+
+    def _error_of_way(self, row: int) -> BehaviourError:
+        """Return what is wrong with where a process has sent a body."""
+        table, body = self.table, self.table.agents[row]
+        aim = shortened([*table.aim[row].tolist(), float(table.aim_heading[row])])
+        why, expected = "", f"x and y within {self.space.dimensions.tolist()} and a finite heading"
+        if table.mode[row] in AT_REST:
+            why = f", which {AT_REST[table.mode[row]]},"
+            expected = "a driven body: choose those by bodies_kind[b], or add this one with mode='driven'"
+        elif body.agent is not None and is_led_elsewhere(body):
+            why, expected = ", which follows an agent,", "a driven body without one: move the agent instead"
+        return BehaviourError(
+            f"a process sent body {body.unique_id}{why} to {aim} in step {self.model.steps}; expected {expected}"
         )
 
     def begin_step(self) -> None:

@@ -1,7 +1,7 @@
 """Bodies that robots carry: gripped, put down where there is room, and let go where a process sends them."""
 
 import math
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import atan2, direction_of, hypot
 from mesa_swarm.kernels.type_names import Codes, Flags, IntegerRows, Integers, RealRows, Reals
-from mesa_swarm.physics.driven_bodies import MoverArrays, Moving, follow_bodies
+from mesa_swarm.physics.driven_bodies import MoverArrays, follow_bodies
 from mesa_swarm.physics.load_room import Poses, Room, is_within, place_load, place_outlines, room_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.world.statics import CARRIED, DRIVEN, PUSHED
@@ -22,8 +22,10 @@ CLEAR = 1.0 + 1e-6
 # As NumPy has them: Numba would compile functions once more for each literal.
 IS_CARRIED, IS_DRIVEN = np.int8(CARRIED), np.int8(DRIVEN)
 NO_ROBOT = np.int64(-1)
-# What `let_go` returns where a body was sent to what is no place of the map.
+# What `let_go` returns where a body was sent that cannot be sent, or to what is no place of the map.
 ASTRAY = 1
+# Where no body is driven.
+NO_BLOCK = np.empty(0, np.int64)
 
 
 class CarryArrays(NamedTuple):
@@ -84,6 +86,7 @@ class Carrying:
         modes = table.mode[scene.rows]
         pushed, sent = np.flatnonzero(modes == PUSHED), np.flatnonzero(np.isin(modes, (DRIVEN, CARRIED)))
         indices = np.concatenate([pushed, sent])
+        movers = NO_BLOCK if moving is None else moving.block
         self.rows, self.state = scene.rows[indices], (scene, columns["position"])
         room = room_of(statics, table, indices, np.empty(0, np.int64), scene.rows)
         self.arrays = CarryArrays(
@@ -100,7 +103,7 @@ class Carrying:
             poses=Poses(table.position, table.heading, table.mode, self.rows, np.empty(0, np.int64)),
             room=room,
             first=len(pushed),
-            movers=cast(Moving, moving).block,
+            movers=movers,
             edges=statics.edges,
             rings=statics.rings,
             discs=statics.discs,
@@ -307,24 +310,34 @@ def is_sent(c, row):
 
 
 @compiled
-def is_astray(c, row):
-    """Return whether a body is sent to what is no place of the map."""
-    x, y, bounds = c.aim[row, 0], c.aim[row, 1], c.bounds
-    on_map = bounds[0] <= x <= bounds[2] and bounds[1] <= y <= bounds[3]
-    return is_sent(c, row) and not (on_map and math.isfinite(c.aim_heading[row]))
+def is_any_astray(c):
+    """Return whether a body is sent to what is no place of the map, or is none that can be sent.
+
+    At the end of the phase resolve all bodies were to stay where they are: what differs was written since.
+    """
+    position, heading, aim, aim_heading, mode, bounds = c.position, c.heading, c.aim, c.aim_heading, c.mode, c.bounds
+    for row in range(mode.shape[0]):  # of all obstacles too: without a call for each
+        x, y, turn = aim[row, 0], aim[row, 1], aim_heading[row]
+        if x == position[row, 0] and y == position[row, 1] and turn == heading[row]:
+            continue
+        on_map = bounds[0] <= x <= bounds[2] and bounds[1] <= y <= bounds[3]
+        can_go = mode[row] == IS_DRIVEN or mode[row] == IS_CARRIED
+        if not (can_go and on_map and math.isfinite(turn)):
+            return True
+    return False
 
 
 @compiled(nogil=True)
 def let_go(block, step, first, last):
-    """Put carried bodies where a process has sent them, if they have room there; refuse places that are not on the map.
+    """Put carried bodies where a process has sent them, if they have room there.
 
-    All other requests are for the next step.
+    Places that are not on the map are refused, and requests of bodies at rest and of loads; all others are for the next
+    step.
     """
     c = unpack(block, CarryArrays)
     placed, changed = False, False
-    for k in range(c.first, c.poses.loads.shape[0]):  # if one is refused, nothing is done
-        if is_astray(c, c.poses.loads[k]):
-            return ASTRAY
+    if is_any_astray(c):  # nothing is done
+        return ASTRAY
     for k in range(c.first, c.poses.loads.shape[0]):
         row = c.poses.loads[k]
         if not is_sent(c, row):

@@ -94,7 +94,7 @@ def room_of(statics: Statics, bodies: BodyTable, pushed: np.ndarray, sent: np.nd
     way = shapely.LineString([(0, 0), (0, 0)])
     outlines = outlines_of([*solids, *(form.heart for form in forms), way], [*radius, 0.0])
     corners = [shapely.get_num_coordinates(form.outline) for form in forms]
-    most = len(outlines.points) + len(outlines.solids) * max(corners)
+    most = len(outlines.points) + len(outlines.solids) * max(corners, default=0)
     return Room(
         outlines=outlines,
         still=len(lines) + len(discs),

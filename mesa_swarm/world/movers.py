@@ -275,6 +275,18 @@ def poses_of_agents(followers: Sequence[Driven], space: Arena) -> np.ndarray:
     return poses
 
 
+def is_led_elsewhere(body: Driven) -> bool:
+    """Return whether a body that follows an agent is sent elsewhere than that leads it.
+
+    An agent without a place leaves it where it is sent, and one without a heading its turn.
+    """
+    table, row = body.table, body.row
+    place, heading = table.aim[row], table.aim_heading[row]
+    goes = (place != table.position[row]).any() and not np.array_equal(place, _place_of(body), equal_nan=True)
+    turns = heading != table.heading[row] and not np.array_equal(heading, _heading_of(body), equal_nan=True)
+    return bool(goes or turns)
+
+
 def _place_of(body: Driven) -> tuple[float, float]:
     """Return where the agent of a body is: its `position`, or its `pos`; without either where the body is to go."""
     agent: Any = body.agent

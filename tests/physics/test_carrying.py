@@ -2,6 +2,7 @@
 
 import math
 
+import mesa
 import numpy as np
 import pytest
 import shapely
@@ -226,6 +227,152 @@ def test_a_process_reads_where_bodies_are_and_cannot_move_them_itself():
     model.add_process(shove)
     with pytest.warns(match="plain Python"), pytest.raises(BehaviourError, match="read-only"):
         model.run(1)
+
+
+# ---- bodies that no process can send
+
+
+@process
+def send_all(bodies_aim, bodies_aim_heading, bodies_kind, step, kind=0, when=3, turn=0.0):
+    for b in range(len(bodies_kind)):
+        if bodies_kind[b] == kind and step == when:
+            bodies_aim[b, 0] += 50.0 if turn == 0.0 else 0.0
+            bodies_aim_heading[b] += turn
+
+
+class Walker(mesa.Agent):
+    def __init__(self, model, **attributes):
+        super().__init__(model)
+        self.__dict__ |= attributes
+
+
+MADE = {
+    "is at rest": {"mode": "fixed"},
+    "is pushed by robots": {"mode": "pushed", "resistance": 0.5},
+    "follows an agent": {},
+}
+
+
+def world_of(why, beside=(), **sent):
+    """Return a model with two bodies of a kind that cannot be sent, and a process that sends them all the same."""
+    model = SwarmModel(rng=1)
+    for x in beside:
+        model.add_body(disc((x, 300), 5), kind="sheep")
+    for x in (300, 500):
+        agent = {"agent": Walker(model, position=(x, 100), heading=0.0)} if why == "follows an agent" else {}
+        model.add_body(disc((x, 100), 5), kind="thing", **MADE[why], **agent)
+    model.add_robots(AGENT9, 3)
+    model.add_process(send_all(kind=model.kind_code("thing"), **sent))
+    return model
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5])
+@pytest.mark.parametrize("beside", [(), (200, 400)])
+@pytest.mark.parametrize("why", MADE)
+def test_a_body_that_cannot_be_sent_is_refused_in_one_line_and_all_stay(why, beside, turn):
+    model = world_of(why, beside, turn=turn)
+    first, places = model.bodies[-2], [body.position.tolist() for body in model.bodies]
+    start = rf"^a process sent body {first.unique_id}, which {why}, to \[3[05]0.0, 100.0, 0..\] in step 3; expected "
+    with pytest.raises(BehaviourError, match=start) as raised:
+        model.run(5)
+    assert "\n" not in str(raised.value)
+    table = model.parts.bodies.table
+    assert not table.are_to_move(np.arange(len(table))).any()
+    model.run(5)
+    assert [body.position.tolist() for body in model.bodies] == places
+
+
+@pytest.mark.parametrize("why", MADE)
+def test_single_steps_refuse_the_same_as_a_compiled_run(why):
+    one, other = world_of(why), world_of(why)
+    with pytest.raises(BehaviourError) as of_run:
+        one.run(5)
+    other.step()
+    other.step()
+    with pytest.raises(BehaviourError) as of_steps:
+        other.step()
+    assert str(of_run.value) == str(of_steps.value)
+    assert one.steps == other.steps == 3
+
+
+def test_where_a_body_at_rest_is_refused_nothing_that_is_carried_is_let_go():
+    model, puck, _ = carrying()
+    model.add_process(send_all(kind=model.kind_code("obstacle"), when=1))
+    with pytest.raises(BehaviourError, match="which is at rest"):
+        model.run(1)
+    assert puck.carrier is model.robots[0]
+
+
+def test_what_is_moved_by_hand_or_pushed_is_not_taken_for_a_request_of_a_process():
+    class Moved(SwarmModel):
+        """All bodies are moved before and after each step, and by a process in Python."""
+
+        def step(self):
+            self.move(0.5)
+            super().step()
+            self.move(0.5)
+
+        def move(self, way):
+            for body in (*self.loads[:1], *self.movers):
+                if body.kind != "sheep" and body.mode != "carried":
+                    body.move_to((body.position[0] + way, body.position[1], body.heading + 0.1))
+
+    @process
+    def shift(model):
+        model.loads[0].move_to((*(model.loads[0].position + 0.5), 0.1))
+        model.movers[1].position = model.movers[1].position + 0.5
+
+    model = Moved(rng=1)
+    model.add_body(disc((300, 300), 5), kind="sheep")
+    model.add_body(disc((100, 400), 5), kind="door")
+    model.add_body(disc((200, 400), 5), kind="wolf", agent=Walker(model, position=(200, 400)))
+    model.add_load(disc((100, 200), 6), resistance=0.5)
+    pushed = model.add_load(disc((115, 100), 6), resistance=0.5)
+    carried = model.add_body(disc((400, 500), 2), kind="puck")
+    model.add_robots(DESIGN, poses=[(100, 100, 0.0)])
+    model.attach(model.robots[0], carried)
+    model.control = Subsumption(advance)
+    model.add_process(shift)
+    model.add_process(drift(kind=model.kind_code("sheep")))
+    model.run(20)
+    assert pushed.position[0] > 116
+    assert carried.position.tolist() == model.robots[0].position.tolist()
+    assert model.movers[0].position.tolist() == [319.0, 300.0]
+
+
+@behaviour
+def advance(me):
+    me.act.grip = 1.0
+    return 1.0, 1.0
+
+
+@pytest.mark.parametrize("pushed", [True, False])
+def test_driven_steps_with_loads_that_move_take_no_place_for_a_request(pushed):
+    model = SwarmModel(rng=1)
+    model.add_kind("puck")
+    load = model.add_load(disc((115, 100), 6), resistance=0.5)
+    sheep = model.add_body(disc((300, 300), 5), kind="sheep") if pushed else None
+    model.add_robots(DESIGN, poses=[(100, 100, 0.0)])
+    model.control = Subsumption(advance)
+    model.add_process(drift(kind=model.kind_code("sheep") if pushed else -1))
+    model.run(10)
+    load.move_to((load.position[0] + 5, 100, 1.0))
+    model.run(10)
+    assert "driven: up to 1000 steps" in str(model.plan)
+    assert load.position[0] > 121
+    assert sheep is None or sheep.position.tolist() == [319.0, 300.0]
+
+
+def test_a_process_may_say_what_the_agent_of_a_body_does_not():
+    model = SwarmModel(rng=1)
+    turned = model.add_body(disc((300, 100), 5), kind="turned", agent=Walker(model, position=(300, 100)))
+    placed_ = model.add_body(disc((300, 200), 5), kind="placed", agent=Walker(model, heading=0.25))
+    model.add_robots(AGENT9, 1)
+    model.add_process(send_all(kind=model.kind_code("turned"), turn=0.5))
+    model.add_process(send_all(kind=model.kind_code("placed")))
+    model.run(5)
+    assert turned.pose == (300.0, 100.0, 0.5)
+    assert placed_.pose == (350.0, 200.0, 0.25)
 
 
 # ---- as many numbers as one likes
