@@ -62,6 +62,17 @@ class Grid:
         """Number of cells."""
         return self.columns * self.rows
 
+    def most_cells_of(self, half: float) -> int:
+        """Return how many cells a square of this half side may meet, at most.
+
+        Examples
+        --------
+        >>> Grid(x=0.0, y=0.0, cell=10.0, columns=8, rows=6).most_cells_of(5.0)
+        9
+        """
+        across = math.ceil(2.0 * half / self.cell) + 2
+        return min(across, self.columns) * min(across, self.rows)
+
     @property
     def numbers(self) -> GridNumbers:
         """Arguments of the compiled functions: x, y, 1/cell, columns, rows."""

@@ -3,6 +3,7 @@
 It is BLAKE2b with a digest of 16 bytes (RFC 7693) of pieces: texts, and arrays as numbers of 8 bytes each.
 """
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from mesa_swarm.kernels.block import Block, stack_blocks, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Bytes, Codes, Flags, IntegerRows, Integers, Reals, Shorts, Singles, Unsigned
-from mesa_swarm.model.state_hash import Pieces, add_state, bytes_of_numbers
+from mesa_swarm.model.state_hash import Pieces, add_part, add_state, bytes_of_numbers
 from mesa_swarm.world.read_only import writable_view
 
 DIGEST_BYTES, BLOCK_BYTES = 16, 128
@@ -130,12 +131,17 @@ class DigestArrays(NamedTuple):
 
 
 class LivePieces(Pieces):
-    """Pieces of a fingerprint, of which arrays stay arrays, to be read when the digest is made."""
+    """Pieces of a fingerprint, of which arrays stay arrays, to be read when the digest is made, but for some."""
+
+    def __init__(self, constant: Iterable[Any] = ()) -> None:
+        super().__init__()
+        self._constant = set(map(id, constant))
 
     def add_array(self, array: np.ndarray) -> None:
-        """Add an array of which numbers may change."""
+        """Add an array of which numbers may change, if it is not one that is constant."""
         is_readable = array.dtype in PIECES and array.flags.c_contiguous and array.size
-        self.append(writable_view(array) if is_readable else bytes_of_numbers(array))
+        changes = is_readable and id(array) not in self._constant
+        self.append(writable_view(array) if changes else bytes_of_numbers(array))
 
 
 class Fingerprint:
@@ -145,17 +151,30 @@ class Fingerprint:
     ----------
     block : Block
         Of `DigestArrays`.
+    pieces : int64 ndarray
+        Rows of addresses, lengths and kinds.
+    described : bytes
+        What the bodies are, all at rest: one of the pieces; empty if some may move.
+    place : int
+        Which of the pieces that is.
     """
 
     def __init__(self, model: Any) -> None:
-        pieces = LivePieces()
+        bodies = [] if model.parts.bodies.moves else model.parts.bodies.describe()
+        self.described, pieces = text_of_part(bodies) if bodies else b"", LivePieces(bodies)
         add_state(pieces, model)
-        blocks = list(map(_piece_of, join_texts(pieces)))
+        joined = split_text(join_texts(pieces), self.described)
+        of_bodies = (
+            place for place, piece in enumerate(joined) if isinstance(piece, bytes) and piece == self.described
+        )
+        self.place = next(of_bodies, -1)
+        blocks = list(map(_piece_of, joined))
         kinds = [(KINDS[type(block._values)],) for block in blocks]
         self._out = np.zeros(DIGEST_BYTES, np.uint8)
         scratch = np.zeros(8, np.uint64), np.zeros(2, np.int64), np.zeros(BLOCK_BYTES, np.uint8)
         words = np.zeros(WORDS, np.uint64), np.zeros(WORDS, np.uint64), np.zeros(20, np.uint8)
-        self.block = Block(DigestArrays(stack_blocks(blocks, KIND + 1, kinds), self._out, *scratch, *words))
+        self.pieces = stack_blocks(blocks, KIND + 1, kinds)
+        self.block = Block(DigestArrays(self.pieces, self._out, *scratch, *words))
         self._kept = blocks
 
     @property
@@ -184,6 +203,30 @@ def join_texts(pieces: list[Any]) -> list[Any]:
         else:
             joined.append(piece)
     return joined
+
+
+def text_of_part(value: Any) -> bytes:
+    """Return what a fingerprint has of a part, or of a value in it, as bytes."""
+    pieces = Pieces()
+    add_part(pieces, value)
+    return b"".join(pieces)
+
+
+def split_text(pieces: list[Any], text: bytes) -> list[Any]:
+    """Return pieces of which a text is one, that was a part of another.
+
+    Examples
+    --------
+    >>> split_text([b"abc"], b"b"), split_text([b"abc"], b"")
+    ([b'a', b'b', b'c'], [b'abc'])
+    """
+    found = next(
+        (place for place, piece in enumerate(pieces) if text and isinstance(piece, bytes) and text in piece), None
+    )
+    if found is None:
+        return pieces
+    before, _, after = pieces[found].partition(text)
+    return [*pieces[:found], *(piece for piece in (before, text, after) if piece), *pieces[found + 1 :]]
 
 
 def _piece_of(piece: Any) -> Block:

@@ -160,6 +160,16 @@ class Image:
         except KeyError:
             return None
 
+    def has_whole(self, array: np.ndarray) -> bool:
+        """Return whether a block leads to the whole of an array, not only to rows of it."""
+        address = array.ctypes.data
+        return array.size > 0 and (address, address + array.nbytes) in self._extents
+
+    def takes(self, prefix: str) -> bool:
+        """Return whether a block has an argument whose name begins so."""
+        blocks = (values for _, values in self._noted.values())
+        return any(name.startswith(prefix) for block in blocks for name in getattr(block, "_fields", ()))
+
     @property
     def layout(self) -> list[tuple[int, int]]:
         """Address and length of each range, in the order of the image."""

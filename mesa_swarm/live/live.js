@@ -28,6 +28,79 @@ export function added(bytes, others) {
   return sum;
 }
 
+/** What bodies at rest are, as a fingerprint has it: bytes of a text and six arrays, see `describe_bodies` in state_hash.py. */
+class Bodies {
+  constructor(bytes) {
+    this.at = 0;
+    this.bytes = bytes;
+    this.#upTo(";"); // how many items there are
+    const words = this.#upTo("';").slice("str '".length);
+    this.names = words ? words.split(";") : [];
+    const [types, corners, rings, points, radii, heats] = Array.from({ length: 6 }, () => this.#array());
+    let point = 0;
+    this.rows = this.names.map((name, k) => {
+      const count = 16 * Number(new DataView(corners.slice(8 * k, 8 * k + 8).buffer).getBigInt64(0, true)), begin = point;
+      point += count;
+      const of = (array) => array.slice(8 * k, 8 * k + 8);
+      return { name, type: of(types), corners: of(corners), rings: of(rings), points: points.slice(begin, point), radius: of(radii), heat: of(heats) };
+    });
+  }
+
+  #upTo(mark) {
+    const text = new TextDecoder(), begin = this.at, ends = [...mark].map((letter) => letter.charCodeAt(0));
+    while (!ends.every((code, k) => this.bytes[this.at + k] === code)) this.at++;
+    this.at += mark.length;
+    return text.decode(this.bytes.slice(begin, this.at - mark.length));
+  }
+
+  #array() {
+    const shape = this.#upTo(";").match(/\d+/g).map(Number), begin = this.at;
+    this.at += 8 * shape.reduce((product, length) => product * length, 1);
+    return this.bytes.slice(begin, this.at);
+  }
+
+  /** Return how a disc is written down. */
+  static disc(x, y, radius) {
+    const reals = (...numbers) => new Uint8Array(Float64Array.from(numbers, (number) => number + 0).buffer);
+    const whole = (number) => new Uint8Array(BigInt64Array.of(BigInt(number)).buffer);
+    return { name: "fixed obstacle True", type: whole(0), corners: whole(1), rings: whole(0), points: reals(x, y), radius: reals(radius), heat: reals(-1) };
+  }
+
+  /** Add a disc where its kind, its radius and the bytes of its place put it among the others. */
+  add(disc) {
+    const place = this.rows.findIndex((row) => isBefore(disc, row));
+    this.rows.splice(place < 0 ? this.rows.length : place, 0, disc);
+  }
+
+  remove(disc) {
+    const place = this.rows.findIndex((row) => !isBefore(row, disc) && !isBefore(disc, row));
+    this.rows.splice(place, 1);
+  }
+
+  /** Return the bytes. */
+  text() {
+    const { rows } = this, encoder = new TextEncoder(), pieces = [encoder.encode(`items 7;str '${rows.map(({ name }) => name).join(";")}';`)];
+    for (const key of ["type", "corners", "rings", "points", "radius", "heat"]) {
+      const length = rows.reduce((sum, row) => sum + row[key].length, 0) / 8;
+      pieces.push(encoder.encode(key === "points" ? `array (${length / 2}, 2);` : `array (${length},);`), ...rows.map((row) => row[key]));
+    }
+    return Uint8Array.from(pieces.flatMap((piece) => [...piece]));
+  }
+}
+
+const realOf = (bytes) => new DataView(bytes.buffer, bytes.byteOffset).getFloat64(0, true);
+
+/** Whether a body stands before another in a fingerprint: by kind, radius, and the bytes of a disc's place. */
+function isBefore(one, other) {
+  const [, kind, touches] = one.name.split(" "), [, otherKind, otherTouches] = other.name.split(" ");
+  if (kind !== otherKind) return kind < otherKind;
+  if (touches !== otherTouches) return touches < otherTouches;
+  const radius = realOf(one.radius), otherRadius = realOf(other.radius);
+  if (radius !== otherRadius) return radius < otherRadius;
+  for (let k = 0; k < 16; k++) if (one.points[k] !== other.points[k]) return one.points[k] < other.points[k];
+  return realOf(one.heat) < realOf(other.heat);
+}
+
 export class LiveModel {
   #exports;
   #memory;
@@ -163,6 +236,66 @@ export class LiveModel {
     const [function_, block, length] = lighter;
     this.#checked(this.#called(() => this.#exports.call_kernel(function_, block, length, this.#completed, place, burns ? 1 : 0)));
     this.#sense();
+  }
+
+  /** The discs that can be taken away, and those that were added: the number, x, y and radius of each. */
+  get discs() {
+    const { discs } = this.#start, rows = discs ? [...discs.own, ...discs.spare] : [];
+    return rows.map((row) => [row, ...this.#view("f8", discs.table + 24 * row, 3)]).filter(([, x]) => !Number.isNaN(x));
+  }
+
+  /** How many discs can be added, and how large they may be; null on a page without. */
+  get spare() {
+    const { discs } = this.#start;
+    return discs ? { left: discs.own.length + discs.spare.length - this.discs.length, largest: discs.largest } : null;
+  }
+
+  /** Put a disc on the map, as `add_obstacle` does in Python, and return its number; -1 where a robot is in the way. */
+  addDisc(x, y, radius) {
+    const { discs } = this.#withDiscs(), [left, low, right, high] = discs.bounds;
+    if (!(x >= left && x <= right && y >= low && y <= high)) throw new Error(`place is ${x}, ${y}; expected x from ${left} to ${right} and y from ${low} to ${high}`);
+    if (!(radius > 0 && radius <= discs.largest)) throw new Error(`radius is ${radius}; expected a number above 0, at most ${discs.largest}`);
+    const present = new Set(this.discs.map(([row]) => row)), row = [...discs.spare, ...discs.own].find((one) => !present.has(one));
+    if (row === undefined) throw new Error(`no more discs: this page has room for ${discs.spare.length} more than the model has; take one away first`);
+    this.#begin();
+    this.#view("f8", discs.at, 3).set([x, y, radius]);
+    if (!this.#putDisc(row, true)) return -1;
+    this.#describe((bodies) => bodies.add(Bodies.disc(x, y, radius)));
+    return row;
+  }
+
+  /** Take a disc away, by its number, as its handle's `remove` does in Python. */
+  removeDisc(number) {
+    this.#withDiscs();
+    const found = this.discs.find(([row]) => row === number);
+    if (!found) throw new Error(`disc is ${number}; expected ${this.discs.map(([row]) => row).join(", ") || "none: there is no disc"}`);
+    this.#begin();
+    this.#putDisc(number, false);
+    this.#describe((bodies) => bodies.remove(Bodies.disc(...found.slice(1))));
+  }
+
+  #withDiscs() {
+    if (!this.#start.discs) throw new Error("discs cannot be added or taken away here: bodies move, fields flow round them, or functions read where they are; add them in Python");
+    return this.#start;
+  }
+
+  /** Put the disc in a row where it is to be, or take it away; return whether there is room. */
+  #putDisc(row, there) {
+    const [place, block, length] = this.#start.discs.put;
+    const code = this.#called(() => this.#exports.call_kernel(place, block, length, 0, row, there ? 1 : 0));
+    if (code === RAISED) this.#checked(code);
+    this.#sense();
+    return code === 0;
+  }
+
+  /** Write into the fingerprint what bodies are from now on. */
+  #describe(change) {
+    const { piece, described: address } = this.#start.discs, found = this.#view("i8", piece, 2);
+    const bodies = new Bodies(this.#view("u1", address, Number(found[1])).slice());
+    change(bodies);
+    const text = bodies.text();
+    this.#view("u1", address, text.length).set(text);
+    found.set([BigInt(address), BigInt(text.length)]);
   }
 
   /** Return the fingerprint of the model as it is now: that of `model.state_hash()`. */

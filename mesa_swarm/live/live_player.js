@@ -118,6 +118,7 @@ class LivePlayer {
   #taken = [];
   #points = [];
   #curve = 0;
+  #changed;
 
   constructor(about, model, worlds) {
     this.about = about;
@@ -138,15 +139,18 @@ class LivePlayer {
     this.restore();
   }
 
-  get world() { return this.worlds.get(this.model.key); }
+  /** The world, with the discs that were added and without those taken away. */
+  get world() { return this.#changed ?? this.worlds.get(this.model.key); }
 
   /** Begin anew. */
   reset(wanted = {}) {
     const before = this.world;
     this.model.reset(wanted);
+    this.#changed = undefined;
     if (this.world !== before) this.stage.world = this.world;
     this.frames = new Frames(this.model, this.world);
     this.describeFires();
+    this.describeDiscs();
     this.#points = [];
     find("seed").value = String(this.model.seed);
     find("over").hidden = true;
@@ -426,6 +430,7 @@ class LivePlayer {
     this.describeReadings();
     this.describeSettings();
     this.describeFires();
+    this.describeDiscs();
     const known = new Set(world.columns.map((column) => column.name)), { sensors, fires } = this.frames.frame().counts;
     const needs = { sectors: "distance", perceived: "kind", layers: "layer", heat: "heat", messages: "heard" };
     const idle = new Set([...(fires ? [] : ["heat", "labels"]), ...(sensors ? [] : ["sectors", "perceived"]), ...(about.radio ? [] : ["messages"]), "contacts"]);
@@ -476,6 +481,66 @@ class LivePlayer {
       this.complain(error);
     }
     find("hash").textContent = "";
+    this.show(true);
+  }
+
+  /** List the discs, each with a button that takes it away. */
+  describeDiscs() {
+    const { spare, discs } = this.model;
+    for (const id of ["blocking", "place"]) find(id).hidden = !spare;
+    if (!spare) {
+      this.handle("place", false);
+      return;
+    }
+    find("discs-left").textContent = `${spare.left} more can be added`;
+    const [left, low, right, high] = this.world.bounds, middle = { x: (left + right) / 2, y: (low + high) / 2, radius: spare.largest / 3 };
+    const limits = { x: [left, right], y: [low, high], radius: [0, spare.largest] };
+    for (const [name, [least, most]] of Object.entries(limits)) {
+      const input = find("disc").elements[name];
+      Object.assign(input, { min: least, max: most });
+      if (!input.value) input.value = String(Number(middle[name].toPrecision(3)));
+    }
+    find("discs").replaceChildren(...discs.map(([number, x, y, radius]) => {
+      const text = `${x.toFixed(0)}, ${y.toFixed(0)}; radius ${asText(radius)}`;
+      const button = make("button", { type: "button", "data-disc": String(number), "aria-label": `Take away the disc at ${text}`, click: () => this.removeDisc(number) }, "Remove");
+      return make("li", {}, make("span", {}, text), button);
+    }));
+  }
+
+  /** Add a disc; return its number, -1 where there is no room. */
+  addDisc(x, y, radius) {
+    const number = this.model.addDisc(x, y, radius);
+    if (number >= 0) this.showDiscs();
+    return number;
+  }
+
+  removeDisc(number) {
+    this.model.removeDisc(number);
+    this.showDiscs();
+  }
+
+  /** Add a disc by hand: what is wrong with it is said on the page. */
+  tryDisc(x, y, radius) {
+    try {
+      if (this.addDisc(x, y, radius) < 0) throw new Error(`a robot is in the way of the disc at ${x.toFixed(0)}, ${y.toFixed(0)}; place it elsewhere`);
+    } catch (error) {
+      this.complain(error);
+    }
+  }
+
+  /** Draw the discs as they are now. */
+  showDiscs() {
+    const base = this.worlds.get(this.model.key), own = new Set(this.model.start.discs.own);
+    let row = -1;
+    const kept = base.shapes.filter(({ disc, mark }) => {
+      if (disc && !mark) row++;
+      return !disc || mark || !own.has(row);
+    });
+    this.#changed = { ...base, shapes: [...kept, ...this.model.discs.map(([, ...disc]) => ({ disc }))] };
+    this.stage.world = this.#changed;
+    this.#points = [];
+    find("hash").textContent = "";
+    this.describeDiscs();
     this.show(true);
   }
 
@@ -544,7 +609,8 @@ class LivePlayer {
       farther: () => this.stage.zoom(1 / 1.5),
       theme: () => this.setTheme(this.theme === "dark" ? "light" : "dark"),
       follow: () => this.stage.follow(this.stage.followed === this.stage.selected ? null : this.stage.selected),
-      hand: () => this.handle(find("hand").getAttribute("aria-pressed") !== "true"),
+      hand: () => this.handle("hand", find("hand").getAttribute("aria-pressed") !== "true"),
+      place: () => this.model.spare && this.handle("place", find("place").getAttribute("aria-pressed") !== "true"),
       full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
       fold: () => find("fold").setAttribute("aria-expanded", String(find("fold").getAttribute("aria-expanded") !== "true")),
       fingerprint: () => (find("hash").textContent = this.model.hash()),
@@ -554,11 +620,16 @@ class LivePlayer {
     find("seed").addEventListener("change", ({ target }) => this.begin({ seed: Number(target.value) }));
     find("speed").addEventListener("input", ({ target }) => this.setSpeed(Number(target.value)));
     find("robot").addEventListener("toggle", () => this.showRobot(), true);
+    find("disc").addEventListener("submit", (event) => {
+      event.preventDefault();
+      const { x, y, radius } = event.target.elements;
+      this.tryDisc(...[x, y, radius].map(({ value }) => Number(value)));
+    });
     document.addEventListener("click", (event) => event.detail && event.target.closest?.("button, label")?.blur());
-    const keys = { " ": "play", ArrowRight: "forth", r: "reset", f: "fit", m: "hand", "+": "closer", "-": "farther" };
+    const keys = { " ": "play", ArrowRight: "forth", r: "reset", f: "fit", m: "hand", d: "place", "+": "closer", "-": "farther" };
     document.addEventListener("keydown", (event) => {
       const { target, key } = event, name = keys[key.length === 1 ? key.toLowerCase() : key];
-      const own = target.matches("input[type=range], select") || (key === " " && target.matches("button, summary, input[type=checkbox]"));
+      const own = target.matches("input[type=range], input[type=number], select") || (key === " " && target.matches("button, summary, input[type=checkbox]"));
       if (!name || own || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
       if (event.shiftKey && key === "ArrowRight") this.step(10);
@@ -571,10 +642,17 @@ class LivePlayer {
     this.stage.fit();
   }
 
-  /** Let the pointer move robots, or select them and the map again. */
-  handle(on) {
+  /** Let the pointer move robots, or place discs, or select robots and move the map again. */
+  handle(id, on) {
+    const tools = { hand: () => this.handOfRobots(), place: () => this.handOfDiscs() };
+    this.stage.tool = on ? tools[id]() : null;
+    for (const name of Object.keys(tools)) find(name).setAttribute("aria-pressed", String(on && name === id));
+  }
+
+  /** What moves robots. */
+  handOfRobots() {
     let held = null;
-    this.stage.tool = !on ? null : {
+    return {
       cursor: "grab",
       press: ({ hit }) => {
         held = hit.kind === "robot" ? this.frames.ids.indexOf(hit.id) : null;
@@ -584,7 +662,35 @@ class LivePlayer {
       release: () => (held = null),
       cancel: () => (held = null),
     };
-    find("hand").setAttribute("aria-pressed", String(on));
+  }
+
+  /** What places discs, as large as the pointer is drawn, and takes away one that is clicked. */
+  handOfDiscs() {
+    let centre = null, radius = 0;
+    const usual = () => Number(find("disc").elements.radius.value);
+    return {
+      cursor: "crosshair",
+      press: ({ x, y }) => {
+        const there = this.model.discs.find(([, left, low, size]) => Math.hypot(x - left, y - low) < size);
+        if (there) this.removeDisc(there[0]);
+        else [centre, radius] = [[x, y], 0];
+        return true;
+      },
+      move: ({ x, y }) => centre && (radius = Math.min(Math.hypot(x - centre[0], y - centre[1]), this.model.spare.largest)),
+      release: () => {
+        if (centre) this.tryDisc(...centre, radius > 6 / this.stage.view.scale ? radius : usual());
+        centre = null;
+      },
+      cancel: () => (centre = null),
+      draw: (context, pixel) => {
+        if (!centre) return;
+        context.beginPath();
+        context.arc(...centre, radius > 6 * pixel ? radius : usual(), 0, 2 * Math.PI);
+        context.lineWidth = 2 * pixel;
+        context.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue("--swarm-accent");
+        context.stroke();
+      },
+    };
   }
 
   /** Put a robot where there is room for it. */
@@ -635,10 +741,13 @@ async function start() {
     reset: (wanted = {}) => player.reset(wanted),
     move: (row, x, y) => player.put(row, x, y),
     burn: (place, burns = true) => player.burn(place, burns),
+    addDisc: (x, y, radius) => player.addDisc(x, y, radius),
+    removeDisc: (number) => player.removeDisc(number),
     hash: () => model.hash(),
   });
   Object.defineProperty(swarm, "steps", { get: () => model.steps });
   Object.defineProperty(swarm, "events", { get: () => model.events });
+  Object.defineProperty(swarm, "discs", { get: () => model.discs });
   Object.defineProperty(swarm, "memory", { get: () => model.memory });
   Object.defineProperty(swarm, "stage", { get: () => player.stage });
   Object.defineProperty(swarm, "parameters", { get: () => model.parameters });

@@ -15,7 +15,16 @@ from mesa_swarm.kernels.measuring import ONLY
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.plan import Driver
 from mesa_swarm.learning.learner import LearningLayer
-from mesa_swarm.live.edits import Hand, fires_in_hand, put_robot, set_fire
+from mesa_swarm.live.edits import (
+    DiscsInHand,
+    Hand,
+    fires_in_hand,
+    put_disc,
+    put_robot,
+    reads_bodies,
+    set_fire,
+    spare_discs,
+)
 from mesa_swarm.live.fingerprint import Fingerprint, digest_pieces
 from mesa_swarm.live.image import Functions, Image, clean_memory
 from mesa_swarm.model.driving import ENGINE_MODEL, driver_of, kernels_of_stages, measure_in_place
@@ -99,7 +108,7 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
     with ONE_AT_A_TIME, clean_memory(), note_blocks() as notes:
         model = make()
         begin_rules(model)
-        model.parts.bodies.let_roam()
+        model.parts.bodies.let_roam(spare_discs(model))
         model.parts.robots.devices.bind(model)
         make_room_for_pairs(model)
         settle_at_start(model)
@@ -114,16 +123,20 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         streams = [stream for _, stream in model.streams.items()]
         addresses = {address: function for function, address in ADDRESSES.items()}
         hand, lighter = Hand(model), fires_in_hand(model) if len(model.fires) else None
+        discs = DiscsInHand(model, fingerprint.described) if spare_discs(model) else None
         functions.place_of(digest_pieces)
         functions.place_of(put_robot)
-        roots = [driver._block, fingerprint.block, hand.block, *([] if lighter is None else [lighter])]
-        image = Image(roots, notes, addresses, streams, functions, BASE)
+        functions.place_of(put_disc)
+        edits = [hand.block, *([] if lighter is None else [lighter]), *([] if discs is None else [discs.block])]
+        image = Image([driver._block, fingerprint.block, *edits], notes, addresses, streams, functions, BASE)
         places = _places(model, driver, sensing, fingerprint, image, functions)
         places["hand"] = [functions.place_of(put_robot), image.address_of(hand.block.numbers), len(hand.block.numbers)]
         places["hand_at"] = image.address_of(hand.place)
         if lighter is not None:
             numbers = lighter.numbers
             places["lighter"] = [functions.place_of(set_fire), image.address_of(numbers), len(numbers)]
+        if discs is not None and not reads_bodies(model, image):
+            places["discs"] = _describe_discs(discs, fingerprint, image, functions)
         before, begun = image.content, b""
         if begin_learning(model):
             begun = image.written_anew()
@@ -219,6 +232,23 @@ def _describe_fires(model: Any, find: Callable[[np.ndarray], int | None]) -> dic
         "temperature": [find(table.temperature[row : row + 1]) for row in rows.tolist()],
         "out": find(fires.own["out"]),
         "robots": find(fires.own["robots"]),
+    }
+
+
+def _describe_discs(discs: DiscsInHand, fingerprint: Fingerprint, image: Image, functions: Functions) -> dict[str, Any]:
+    """Return what discs come and go by, and where the piece of the fingerprint is that says what bodies are."""
+    find: Any = image.address_of
+    values: Any = discs.block._values
+    return {
+        "put": [functions.place_of(put_disc), find(discs.block.numbers), len(discs.block.numbers)],
+        "at": find(discs.place),
+        "table": find(values.discs),
+        "own": list(discs.own),
+        "spare": discs.spare,
+        "largest": discs.largest,
+        "bounds": list(discs.bounds),
+        "piece": find(fingerprint.pieces[fingerprint.place]),
+        "described": find(discs.described),
     }
 
 

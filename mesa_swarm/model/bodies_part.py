@@ -96,7 +96,7 @@ class BodiesPart(Part):
         self.model, self.map, self.space, self.swarm = model, model.map, model.space, model.swarm
         self.table = BodyTable()
         self.space.attach(self.table)
-        self.cache, self._roams = SceneCache(), False
+        self.cache, self._roams, self._spare = SceneCache(), False, 0
 
     def columns(self) -> dict[str, Column]:
         """Return what changes from step to step.
@@ -304,7 +304,7 @@ class BodiesPart(Part):
         """Return the bounds of the map, what bodies are, and the state of those that move or burn."""
         table, movers = self.table, self.movers
         loads, fires = table.rows(PUSHED), np.flatnonzero(table.kind == FIRE)
-        facts: dict[str, Any] = {"map": self.map.bounds, "bodies": self._describe()}
+        facts: dict[str, Any] = {"map": self.map.bounds, "bodies": self.describe()}
         if len(loads):
             facts["loads"] = [pick_rows(column, loads) for column in (table.position, table.heading, table.resistance)]
         if len(movers):
@@ -314,7 +314,7 @@ class BodiesPart(Part):
             facts["fires"] = [pick_rows(column, fires) for column in (table.position, table.radius, table.temperature)]
         return facts
 
-    def _describe(self) -> list:
+    def describe(self) -> list:
         """Return what bodies are, where all are at rest the same until one comes, goes or has another temperature."""
         if self.moves:
             return describe_bodies(self.listed)
@@ -708,9 +708,12 @@ class BodiesPart(Part):
         self.swarm.disturbed = True
         self.model.parts["fields"].walls_changed()
 
-    def let_roam(self) -> None:
-        """Make the tables of bodies once for all ways that loads can go: for pages, which do not make them anew."""
-        self._roams, self.cache.scene = True, None
+    def let_roam(self, spare: int = 0) -> None:
+        """Make the tables of bodies once for all ways that loads can go: for pages, which do not make them anew.
+
+        Where no body moves, they have room for so many `spare` discs.
+        """
+        self._roams, self._spare, self.cache.scene = True, spare, None
         self.model.parts.replan()
 
     def scene(self) -> Surroundings:
@@ -728,6 +731,7 @@ class BodiesPart(Part):
                 # Where tables are only worn, all bodies are what they were.
                 room=None if scene is None or self.cache.table is not designs else scene.room,
                 roams=self._roams,
+                spare=0 if self.moves else self._spare,
             )
             self.cache.table = designs
             self.cache.followers = bool(self.followers())

@@ -24,6 +24,8 @@ STEP = 0.5
 # than this number of places.
 LOOK = 0.5
 MOST_LOOKS = 64
+# The radius of spare discs, at most, in shorter sides of the map.
+LARGEST_SPARE = 0.125
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,11 +66,13 @@ class Surroundings:
         apart: int = 0,
         room: Room | None = None,
         roams: bool = False,
+        spare: int = 0,
     ) -> "Surroundings":
         """Collect the bodies with these rows; `sight`, `touch` and `apart` as `Statics.of` takes them.
 
-        With `roams` loads may go anywhere before tables have to be made anew, which makes these longer. `room` is that
-        of the same bodies as before, if there is one: of many loads it takes milliseconds to make.
+        With `roams` loads may go anywhere before tables have to be made anew, which makes these longer, and there is
+        room for so many `spare` discs, in a world in which no body moves. `room` is that of the same bodies as before,
+        if there is one: of many loads it takes milliseconds to make.
         """
         of_shapes = bodies.mode[rows]
         pushed, sent = (np.flatnonzero(np.isin(of_shapes, modes)) for modes in ((PUSHED,), (DRIVEN, CARRIED)))
@@ -78,6 +82,8 @@ class Surroundings:
         shapes = [bodies.body_of(row) for row in rows.tolist()]
         statics = Statics.of(bounds, shapes, bodies.kind[rows], loads=pushed, driven=sent, **tables)  # type: ignore[arg-type]
         statics.show(bodies.visible_kinds[rows])
+        if spare:
+            statics = statics.with_spare_discs(spare, largest_spare(bounds), sight=sight, touch=touch)
         loads, driven = rows[pushed], rows[sent]
         moving = Moving(bodies, driven, sent, statics, bounds, sight, touch) if len(driven) else None
         return cls(
@@ -152,6 +158,11 @@ class Surroundings:
     def follow(self) -> None:
         """Update the tables to the present poses of the loads."""
         place_items(self.bodies.position, self.bodies.heading, self.items, self.statics.edges, self.statics.discs)
+
+
+def largest_spare(bounds: Bounds) -> float:
+    """Return how large spare discs may be: a share of the map's shorter side."""
+    return LARGEST_SPARE * min(bounds[2] - bounds[0], bounds[3] - bounds[1])
 
 
 def list_items_of(statics: Statics, bodies: BodyTable, rows: np.ndarray, indices: np.ndarray) -> MovingItems:

@@ -108,6 +108,34 @@ class Statics:
         """The kinds as which sensors see the shapes that are numbered apart."""
         return self.kind[len(self.edges) + self.first_apart :]
 
+    def with_spare_discs(self, count: int, largest: float, *, sight: float, touch: float) -> "Statics":
+        """Return the same with rows for discs that may come later, in front of those of shapes numbered apart.
+
+        They are nowhere, NaN, and belong to no shape, as the border. Lists of cells have room for as many discs of this
+        `largest` radius; `sight` and `touch` are those that the tables were made with.
+        """
+        first = len(self.edges) + self.first_apart
+
+        def with_rows(column: np.ndarray, value: int) -> np.ndarray:
+            return np.insert(column, first, np.full(count, value, column.dtype))
+
+        def with_room(lists: CellLists, reach: float) -> CellLists:
+            room = np.zeros(count * self.grid.most_cells_of(largest + reach), np.int64)
+            moved = lists.items + count * (lists.items >= first)
+            return lists._replace(start=lists.start.copy(), items=np.append(moved, room))
+
+        return replace(
+            self,
+            discs=np.insert(self.discs, self.first_apart, np.full((count, 3), np.nan), axis=0),
+            shape=with_rows(self.shape, BORDER),
+            owner=with_rows(self.owner, BORDER),
+            kind=with_rows(self.kind, OBSTACLE),
+            body=with_rows(self.body, OBSTACLE),
+            sight_cells=with_room(self.sight_cells, sight),
+            touch_cells=with_room(self.touch_cells, touch),
+            first_apart=self.first_apart + count,
+        )
+
     def rows_of(self, index: int) -> np.ndarray:
         """Return the items of a shape."""
         return np.flatnonzero(self.shape == index)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm import SwarmModel
+from mesa_swarm import SwarmModel, disc
 from mesa_swarm.live.live_page import LivePage
 from mesa_swarm.models.best_of_n import BestOfN
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -203,3 +203,59 @@ def test_events_are_counted_among_the_readings(tmp_path, opened):
     last = page.evaluate("swarm.events.last.at(-1)")
     step, name, robot, value = model.events.rows()[-1]
     assert last == {"step": step, "name": name, "robot": robot, "value": value}
+
+
+def place_on_page(page, x, y):
+    """Return where a place of the map is in the window."""
+    return page.evaluate(
+        """([x, y]) => {
+      const box = document.querySelector("#world").getBoundingClientRect(), [px, py] = swarm.stage.toCanvas(x, y);
+      return [box.left + px, box.top + py];
+    }""",
+        [x, y],
+    )
+
+
+def test_discs_are_drawn_with_the_pointer_and_taken_away_by_a_click(opened, shots):
+    page, model = opened(), FireFighting(rng=1).run(100)
+    run_to(page, 100)
+    page.keyboard.press("d")
+    page.mouse.move(*place_on_page(page, 560, 420))
+    page.mouse.down()
+    page.mouse.move(*place_on_page(page, 590, 420), steps=3)
+    page.mouse.up()
+    [[number, x, y, radius]] = page.evaluate("swarm.discs")
+    assert max(abs(x - 560), abs(y - 420), abs(radius - 30)) < 2
+    obstacle = model.add_obstacle(disc((x, y), radius))
+    assert page.evaluate(STATE) == [100, model.state_hash()]
+    assert run_to(page, 400) == [400, model.run(300).state_hash()]
+    page.screenshot(path=shots / "live_discs.png")
+    page.mouse.click(*place_on_page(page, x, y))
+    obstacle.remove()
+    assert page.evaluate("[swarm.discs, swarm.stage.world.shapes.length]") == [[], 4]
+    assert page.evaluate(STATE) == [400, model.state_hash()]
+
+
+def test_discs_are_added_and_taken_away_by_the_keyboard_and_are_gone_after_a_reset(opened):
+    page, model = opened(), FireFighting(rng=1)
+    for name, value in (("x", "300"), ("y", "200"), ("radius", "25")):
+        page.locator(f"#disc input[name={name}]").fill(value)
+    page.keyboard.press("Enter")
+    model.add_obstacle(disc((300, 200), 25))
+    assert page.evaluate(STATE) == [0, model.state_hash()]
+    assert "7 more can be added" in page.locator("#blocking").inner_text()
+    assert "300, 200; radius 25" in page.locator("#discs").inner_text()
+    assert axe_findings(page) == []
+    page.evaluate("swarm.reset()")
+    assert page.locator("#discs li").count() == 0
+    assert page.evaluate(STATE) == [0, FireFighting(rng=1).state_hash()]
+
+
+def test_a_disc_where_a_robot_is_is_refused_in_one_line(opened):
+    page = opened()
+    x, y = page.evaluate("[...swarm.column('position').slice(0, 2)]")
+    for name, value in (("x", x), ("y", y)):
+        page.locator(f"#disc input[name={name}]").fill(str(value))
+    page.locator("#disc button").click()
+    assert "a robot is in the way of the disc at" in page.locator("#notes").text_content()
+    assert page.evaluate("swarm.discs") == []

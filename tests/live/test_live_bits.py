@@ -5,9 +5,10 @@ import math
 import re
 from functools import cache
 
+import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Map, SwarmModel, process, scatter
+from mesa_swarm import AGENT9, Map, SwarmModel, disc, process, scatter
 from mesa_swarm.control import (
     PASS,
     Avoid,
@@ -368,3 +369,101 @@ def test_sliders_act_on_every_start_as_in_python(name, tmp_path):
     }});
     """
     assert ask_node(page, body, tmp_path) == expected
+
+
+DISCS = ((300.0, 250.0, 30.0), (560.0, 180.0, 12.5), (300.0, 430.0, 12.5))
+# Bodies move, or fields flow round them, or functions read where they are.
+WITHOUT_DISCS = {"ant_trails", "cooperative_transport", "foraging", "puck_clustering", "shepherding"}
+
+
+def free_place(model, radius):
+    """Return a place on the map where a disc of this radius meets no robot."""
+    rng, (x0, y0, x1, y1) = np.random.default_rng(1), model.map.bounds
+    places = rng.uniform((x0, y0), (x1, y1), (1000, 2))
+    gaps = np.linalg.norm(places[:, None] - model.swarm.position, axis=2) - model.swarm.radius
+    return places[np.flatnonzero(gaps.min(axis=1) > 1.1 * radius)[0]].tolist()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in MODELS if name not in WITHOUT_DISCS])
+def test_a_disc_on_the_way_of_a_model_of_the_gallery_is_an_obstacle_in_python(name, tmp_path):
+    model_class, page = page_of(name)
+    model = model_class(rng=1).run(50)
+    radius = float(model.swarm.radius.max())
+    x, y = free_place(model, radius)
+    own = [body for body in model.obstacles if body.shape.is_disc and body.contact]
+    model.add_obstacle(disc((x, y), radius))
+    found = [model.state_hash(), model.run(300).state_hash()]
+    for body in own[:1]:
+        body.remove()
+    found.append(model.run(300).state_hash())
+    body = f"""
+    model.step(50);
+    const own = model.discs.map(([row]) => row);
+    model.addDisc({x}, {y}, {radius});
+    const hashes = [model.hash()];
+    model.step(300);
+    hashes.push(model.hash());
+    if (own.length) model.removeDisc(own[0]);
+    model.step(300);
+    return [own.length, [...hashes, model.hash()]];
+    """
+    assert ask_node(page, body, tmp_path) == [len(own), found]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(WITHOUT_DISCS))
+def test_a_page_on_which_discs_would_go_unnoticed_refuses_them(name, tmp_path):
+    body = """
+    const complain = (act) => { try { act(); } catch (error) { return error.message; } return ""; };
+    return [model.discs, model.spare, complain(() => model.addDisc(1, 1, 1)), complain(() => model.removeDisc(0))];
+    """
+    discs, spare, *complaints = ask_node(page_of(name)[1], body, tmp_path)
+    assert (discs, spare) == ([], None)
+    assert all(text.startswith("discs cannot be added or taken away here: bodies move") for text in complaints)
+
+
+def test_a_disc_where_a_robot_is_or_beyond_what_a_page_has_room_for_is_refused_and_changes_nothing(tmp_path):
+    body = """
+    const complain = (act) => { try { act(); } catch (error) { return error.message; } return ""; };
+    const before = model.hash(), [x, y] = model.column("position");
+    const met = [model.addDisc(x + 10, y, 6), model.addDisc(x, y, 1)], wrong = [
+      complain(() => model.addDisc(900, 100, 5)), complain(() => model.addDisc(NaN, 100, 5)),
+      complain(() => model.addDisc(300, 100, 75.5)), complain(() => model.addDisc(300, 100, 0)),
+      complain(() => model.removeDisc(2)),
+    ];
+    const same = model.hash() === before;
+    const rows = Array.from({ length: 8 }, (_, k) => model.addDisc(300 + 20 * k, 100, 5));
+    const full = complain(() => model.addDisc(300, 150, 5)), spare = model.spare.left;
+    rows.reverse().forEach((row) => model.removeDisc(row));
+    return [met, wrong, same, full, spare, model.hash() === before, model.discs.length];
+    """
+    met, wrong, same, full, spare, again, left = ask_node(page_of("fire_fighting")[1], body, tmp_path)
+    assert (met, same, spare, again, left) == ([-1, -1], True, 0, True, 0)
+    assert wrong == [
+        "place is 900, 100; expected x from 0 to 800 and y from 0 to 600",
+        "place is NaN, 100; expected x from 0 to 800 and y from 0 to 600",
+        "radius is 75.5; expected a number above 0, at most 75",
+        "radius is 0; expected a number above 0, at most 75",
+        "disc is 2; expected none: there is no disc",
+    ]
+    assert full == "no more discs: this page has room for 8 more than the model has; take one away first"
+
+
+def test_discs_that_come_and_go_on_the_page_are_as_obstacles_in_python(tmp_path):
+    model = find_model("fire_fighting")(rng=1).run(50)
+    added = [model.add_obstacle(disc(place, radius)) for *place, radius in DISCS]
+    found = [model.state_hash(), model.run(300).state_hash()]
+    added[0].remove()
+    found += [model.state_hash(), model.run(400).state_hash()]
+    body = f"""
+    model.step(50);
+    const rows = {[list(one) for one in DISCS]}.map((one) => model.addDisc(...one)), hashes = [model.hash()];
+    model.step(300);
+    hashes.push(model.hash());
+    model.removeDisc(rows[0]);
+    hashes.push(model.hash());
+    model.step(400);
+    return [...hashes, model.hash()];
+    """
+    assert ask_node(page_of("fire_fighting")[1], body, tmp_path) == found
