@@ -31,7 +31,15 @@ from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals, RealTables
 from mesa_swarm.learning.actions import ENCODINGS, check_action_count, ranges_of
-from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks, PolicyOfNetworks, random_weights
+from mesa_swarm.learning.networks import (
+    PARTS,
+    NetworkPolicy,
+    Networks,
+    PolicyOfNetworks,
+    WeightArrays,
+    draw_weights,
+    random_weights,
+)
 from mesa_swarm.learning.policy import LearnedPolicy, check_designs, sensors_of
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE
 from mesa_swarm.robots.swarm import Swarm
@@ -304,6 +312,10 @@ class LearningLayer(CompiledLayer, Generic[P]):
             self._init_robots(np.flatnonzero(~born), np.flatnonzero(born))
             born[:] = True
 
+    def beginning(self) -> Kernel | None:
+        """Return the kernel that does what `begin` does besides noting it, as far as compiled code can: for pages."""
+        return None
+
     def _init_robots(self, new: np.ndarray, others: np.ndarray) -> None:
         """Initialise what robots in the rows `new` have learned; those in `others` have begun before."""
         if self.shared and len(others):
@@ -485,6 +497,13 @@ class NetworkLayer(ChoosingLayer[N]):
         drawn = random_weights(robots * self._count, inputs, units, self._rng)
         for column, weights in zip(map(self._column, PARTS), drawn, strict=True):
             column[new] = weights.reshape(robots, *column.shape[1:])
+
+    def beginning(self) -> Kernel | None:
+        """Return the kernel that draws the weights of robots that each have their own, if none has any yet."""
+        if self.shared or self.start is not None or self._column("born").any():
+            return None
+        block = Block(WeightArrays.of(self._weights, self._rng))
+        return Kernel(draw_weights, block.numbers, block)
 
     def _fields_of_policy(self) -> dict[str, Any]:
         networks = self._count * (1 if self.shared else len(self._robots))

@@ -5,14 +5,17 @@ from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
+from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.draws import Stream, draw_between, stream_of
 from mesa_swarm.kernels.elementary import exp, tanh, write_tanh
+from mesa_swarm.kernels.type_names import Reals
 from mesa_swarm.learning.actions import ENCODINGS, as_floats, describe_value
 from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
 
@@ -147,11 +150,50 @@ class Networks:
         return array
 
 
+class WeightArrays(NamedTuple):
+    """What `draw_weights` takes: the four arrays of `Networks` in one row each, their limits, and a stream."""
+
+    inner: Reals
+    inner_bias: Reals
+    outer: Reals
+    outer_bias: Reals
+    low: float
+    high: float
+    stream: Stream
+
+    @classmethod
+    def of(cls, weights: Sequence[np.ndarray], rng: np.random.Generator) -> "WeightArrays":
+        """Collect these of weights in C order; the generator has to live as long."""
+        inputs, hidden = weights[0].shape[1:]
+        low, high = 1 / math.sqrt(inputs + 1), 1 / math.sqrt(hidden + 1)
+        inner, inner_bias, outer, outer_bias = (array.reshape(-1) for array in weights)
+        return cls(inner, inner_bias, outer, outer_bias, low, high, stream_of(rng))
+
+
+@compiled(nogil=True)
+def draw_weights(block, step, first, last):
+    """Draw weights uniform within 1 / sqrt(weights that feed the node), the bias included."""
+    w = unpack(block, WeightArrays)
+    draw_all(w.inner, w.low, w.stream)
+    draw_all(w.inner_bias, w.low, w.stream)
+    draw_all(w.outer, w.high, w.stream)
+    draw_all(w.outer_bias, w.high, w.stream)
+    return 0
+
+
+@compiled
+def draw_all(numbers, limit, stream):
+    """Draw the numbers of an array, one after the other, uniform within a limit."""
+    for k in range(numbers.shape[0]):
+        numbers[k] = draw_between(stream, -limit, limit)
+
+
 def random_weights(networks: int, inputs: int, hidden: int, rng: np.random.Generator) -> list[np.ndarray]:
     """Return the four arrays of `Networks`, uniform within 1 / sqrt(weights that feed the node), the bias included."""
-    low, high = 1 / math.sqrt(inputs + 1), 1 / math.sqrt(hidden + 1)
-    shapes = [((inputs, hidden), low), ((hidden,), low), ((hidden,), high), ((), high)]
-    return [rng.uniform(-limit, limit, (networks, *shape)) for shape, limit in shapes]
+    shapes = (inputs, hidden), (hidden,), (hidden,), ()
+    weights = [np.empty((networks, *shape)) for shape in shapes]
+    draw_weights(Block(WeightArrays.of(weights, rng)).numbers, 0, 0, 0)
+    return weights
 
 
 def fit(

@@ -160,6 +160,14 @@ class Image:
         except KeyError:
             return None
 
+    def places_of(self, block: Block) -> Iterator[tuple[int, int]]:
+        """Iterate over where in the content a block's arrays and the states of its streams are, with their lengths."""
+        for value in block._values:
+            if isinstance(value, (Stream, Words)):
+                yield self._drawn[value.state] - self.base, STREAM_BYTES
+            elif isinstance(value, np.ndarray) and value.size:
+                yield self._moved(value.ctypes.data) - self.base, value.nbytes
+
     def has_whole(self, array: np.ndarray) -> bool:
         """Return whether a block leads to the whole of an array, not only to rows of it."""
         address = array.ctypes.data

@@ -371,6 +371,7 @@ export class LiveModel {
   /** Do what Python does in the first step: let learners begin. */
   #begin() {
     if (!this.#begun) return;
+    for (const [place, block, length] of this.#start.begins) this.#checked(this.#called(() => this.#exports.call_kernel(place, block, length, 0, 0, 0)));
     const memory = new Uint8Array(this.#memory.buffer, this.about.base);
     for (let k = 0; k < this.#begun.length; k++) if (this.#begun[k]) memory[k] = this.#image[k] ^ this.#begun[k];
     this.#begun = undefined;

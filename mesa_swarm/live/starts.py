@@ -50,7 +50,8 @@ class Start(NamedTuple):
     places : dict
         Where in it what is, in numbers and names for JSON.
     begun : bytes
-        The image after what Python does in the first step, of learners; empty where it does nothing.
+        The image after what Python does in the first step, of learners; empty where it does nothing. What the kernels
+        do that `places` name in "begins" is as it was.
     """
 
     image: Image
@@ -66,13 +67,25 @@ def begin_rules(model: Any) -> None:
                 layer.begin()
 
 
-def begin_learning(model: Any) -> bool:
-    """Let learners begin with what they know, as their first step would, and return whether there are any."""
+def list_learners(model: Any) -> list[LearningLayer]:
+    """Return the layers that learn."""
     arbiters = model.control.arbiters if model.control is not None else ()
-    learners = [layer for arbiter in arbiters for layer in arbiter.layers if isinstance(layer, LearningLayer)]
+    return [layer for arbiter in arbiters for layer in arbiter.layers if isinstance(layer, LearningLayer)]
+
+
+def begin_learning(model: Any, image: Image, beginnings: list[Kernel]) -> bytes:
+    """Let learners begin with what they know, as their first step would, and return what the image is then.
+
+    What these kernels do, which write arrays and draw, is left as it was: a page calls them.
+    """
+    before, learners = np.frombuffer(image.content, np.uint8), list_learners(model)
     for learner in learners:
         learner.begin()
-    return bool(learners)
+    after = np.frombuffer(image.written_anew(), np.uint8).copy()
+    for kernel in beginnings:
+        for place, length in image.places_of(kernel.kept):
+            after[place : place + length] = before[place : place + length]
+    return b"" if np.array_equal(before, after) else after.tobytes()
 
 
 def list_obstacles(model: Any) -> Iterator[str]:
@@ -127,8 +140,10 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         functions.place_of(digest_pieces)
         functions.place_of(put_robot)
         functions.place_of(put_disc)
+        beginnings = [kernel for learner in list_learners(model) if (kernel := learner.beginning()) is not None]
         edits = [hand.block, *([] if lighter is None else [lighter]), *([] if discs is None else [discs.block])]
-        image = Image([driver._block, fingerprint.block, *edits], notes, addresses, streams, functions, BASE)
+        begins = [kernel.kept for kernel in beginnings]
+        image = Image([driver._block, fingerprint.block, *edits, *begins], notes, addresses, streams, functions, BASE)
         places = _places(model, driver, sensing, fingerprint, image, functions)
         places["hand"] = [functions.place_of(put_robot), image.address_of(hand.block.numbers), len(hand.block.numbers)]
         places["hand_at"] = image.address_of(hand.place)
@@ -137,10 +152,12 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
             places["lighter"] = [functions.place_of(set_fire), image.address_of(numbers), len(numbers)]
         if discs is not None and not reads_bodies(model, image):
             places["discs"] = _describe_discs(discs, fingerprint, image, functions)
-        before, begun = image.content, b""
-        if begin_learning(model):
-            begun = image.written_anew()
-    return model, Start(image, places, b"" if begun == before else begun)
+        places["begins"] = [
+            [functions.place_of(kernel.function), image.address_of(kernel.block), len(kernel.block)]
+            for kernel in beginnings
+        ]
+        begun = begin_learning(model, image, beginnings)
+    return model, Start(image, places, begun)
 
 
 def settle_at_start(model: Any) -> None:

@@ -224,7 +224,7 @@ def test_discs_are_drawn_with_the_pointer_and_taken_away_by_a_click(opened, shot
     page.mouse.down()
     page.mouse.move(*place_on_page(page, 590, 420), steps=3)
     page.mouse.up()
-    [[number, x, y, radius]] = page.evaluate("swarm.discs")
+    [[_, x, y, radius]] = page.evaluate("swarm.discs")
     assert max(abs(x - 560), abs(y - 420), abs(radius - 30)) < 2
     obstacle = model.add_obstacle(disc((x, y), radius))
     assert page.evaluate(STATE) == [100, model.state_hash()]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT3
 from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning import Networks, QPolicy, SensorLayout, fit
+from mesa_swarm.learning.networks import random_weights
 from mesa_swarm_studies.thesis.networks import regression_figure
 
 FORMULAS = {
@@ -209,3 +210,14 @@ def test_what_cannot_be_fitted_is_refused_by_name(x, y, rng, message):
 def test_a_fit_that_diverges_is_refused_instead_of_returning_nan():
     with pytest.raises(LearningError, match=r"^the fit diverged.*; lower rate, which is 1"):
         fit(ROW, 1e3 * ROW, rng=np.random.default_rng(1), rate=1.0, hidden=10)
+
+
+@pytest.mark.parametrize("bits", [np.random.PCG64, np.random.MT19937])
+def test_random_weights_are_those_that_the_generator_itself_draws(bits):
+    rng, twin = np.random.Generator(bits(3)), np.random.Generator(bits(3))
+    low, high = 1 / math.sqrt(5), 1 / math.sqrt(8)
+    shapes = ((2, 4, 7), low), ((2, 7), low), ((2, 7), high), ((2,), high)
+    expected = [twin.uniform(-limit, limit, shape) for shape, limit in shapes]
+    found = random_weights(2, 4, 7, rng)
+    assert all(np.array_equal(one, other) for one, other in zip(found, expected, strict=True))
+    assert rng.random() == twin.random()

@@ -467,3 +467,11 @@ def test_discs_that_come_and_go_on_the_page_are_as_obstacles_in_python(tmp_path)
     return [...hashes, model.hash()];
     """
     assert ask_node(page_of("fire_fighting")[1], body, tmp_path) == found
+
+
+@pytest.mark.slow
+def test_a_page_of_learners_draws_their_weights_itself_and_has_twenty_seeds_within_400_kb():
+    text = LivePage(find_model("q_learning")(rng=1)).text(400_000)
+    about = json.loads(re.search(r'id="about">(.*?)</script>', text)[1])
+    assert {start["seed"] for start in about["starts"]} == set(range(1, 21))
+    assert len(text) <= 400_000
