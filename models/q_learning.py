@@ -82,15 +82,17 @@ class QLearning(SwarmModel):
         in_a_table = q_learning.in_a_table(memory, networks, **of_networks)
         self.control = Subsumption(TableQLearning(**common) if in_a_table else networks)
 
-    @property
-    def temperature(self) -> float:
-        """Mean T of the robots."""
-        return float(np.mean(self.learner.temperature))
+    @measure
+    @staticmethod
+    def temperature(control_temperature: np.ndarray) -> float:
+        """Return the mean T of the robots."""
+        return np.mean(control_temperature)
 
-    @property
-    def reward(self) -> float:
-        """Mean reward of the robots for their last actions."""
-        return float(np.mean(self.learner.last_reward))
+    @measure
+    @staticmethod
+    def reward(control_reward: np.ndarray) -> float:
+        """Return the mean reward of the robots for their last actions."""
+        return np.mean(control_reward)
 
     @measure
     @staticmethod

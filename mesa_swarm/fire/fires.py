@@ -221,7 +221,9 @@ class Fire(Body):
         return int(self._read("robots"))
 
     def put_out(self) -> None:
-        """Put the fire out by hand, between two steps, unless it is out; robots that fight it are released.
+        """Put the fire out by hand, between two steps; robots that fight it are released.
+
+        Of one that is out the step in which it went out is from now on this one.
 
         Examples
         --------
@@ -232,8 +234,6 @@ class Fire(Body):
         >>> fire.out, fire.temperature
         (True, 0.0)
         """
-        if self.out:
-            return
         self.table.temperature[self._alive()] = 0.0
         for name, value in (("out", True), ("out_step", self.model.steps), ("robots", 0)):
             self.fires.own[name][self.index] = value

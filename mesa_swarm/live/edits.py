@@ -57,12 +57,10 @@ def put_robot(block, step, first, last):
 def set_fire(block, step, first, last):
     """Light the fire `first` at temperature 1 if `last` is above 0, otherwise put it out, after this number of steps.
 
-    As by hand in Python: nothing happens to one that is as it is to be, and robots no longer fight any.
+    As by hand in Python, whatever it was before: robots no longer fight one that is put out.
     """
     f = unpack(block, LightArrays)
     burns = last > 0
-    if burns != f.out[first]:
-        return 0
     f.heat_of[f.rows[first]], f.out[first] = (1.0, False) if burns else (0.0, True)
     f.out_step[first] = NOT_YET if burns else step
     f.seen_as[first] = FIRE if burns else OBSTACLE
@@ -149,7 +147,7 @@ class Hand:
 
 def spare_discs(model: Any) -> int:
     """Return how many discs may come on the page of a model: none where bodies move, or fields flow round them."""
-    is_still = not model.parts.bodies.moves and not any(field.walls for field in model.fields.values())
+    is_still = not model.parts.bodies.moves and not any(field.declaration.walls for field in model.fields.values())
     return SPARE_DISCS if is_still else 0
 
 

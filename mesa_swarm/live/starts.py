@@ -88,12 +88,20 @@ def begin_learning(model: Any, image: Image, beginnings: list[Kernel]) -> bytes:
     return b"" if np.array_equal(before, after) else after.tobytes()
 
 
+def refuse_python(model: Any) -> None:
+    """Raise an error that names what keeps a model from being a page, if anything does."""
+    obstacles = list(list_obstacles(model))
+    if obstacles:
+        reasons = "; ".join(dict.fromkeys(obstacles))
+        raise ExportError(f"{type(model).__name__} cannot run on a page: {reasons}; {CURE}")
+
+
 def list_obstacles(model: Any) -> Iterator[str]:
     """Iterate over what keeps a model from being a page, in a few words each."""
     for kind in takewhile(lambda kind: kind.__module__ != ENGINE_MODEL, type(model).__mro__):
         if "step" in vars(kind):
             yield f"{kind.__name__}.step is a method in Python; declare parts, processes and measures instead"
-    for part, stage in model.plan.stages:
+    for part, stage in model.parts.plan.stages:
         if stage.kernel is None:
             yield f"{stage.name} ({part}) in Python{f': {stage.python}' if stage.python else ''}"
     for condition in type(model).conditions:
@@ -123,14 +131,12 @@ def make_start(make: Callable[[], Any], functions: Functions) -> tuple[Any, Star
         begin_rules(model)
         model.parts.bodies.let_roam(spare_discs(model))
         model.parts.robots.devices.bind(model)
-        make_room_for_pairs(model)
-        settle_at_start(model)
         model.parts.events.buffer.wraps[ONLY] = True
         model.parts.replan()
-        obstacles = list(list_obstacles(model))
-        if obstacles:
-            reasons = "; ".join(dict.fromkeys(obstacles))
-            raise ExportError(f"{type(model).__name__} cannot run on a page: {reasons}; {CURE}")
+        refuse_python(model)
+        make_room_for_pairs(model)
+        settle_at_start(model)
+        model.parts.replan()
         driver, sensing = driver_of(model, model.parts.plan, ()), kernels_of_stages(model.parts.plan)[0][0]
         fingerprint = Fingerprint(model)
         streams = [stream for _, stream in model.streams.items()]

@@ -192,8 +192,9 @@ def measure(function: Callable) -> FunctionMeasure:
     Parameters
     ----------
     function : function
-        Of what its parameters name: columns of robots, such as `position`; columns of parts, `bodies_position`, and
-        what processes remember, `nest_energy`; numbers that are attributes of the model; `step`; others need a default.
+        Of what its parameters name: columns of robots, such as `position`; columns of parts, `bodies_position`, of
+        layers, `control_temperature`, and what processes remember, `nest_energy`; numbers that are attributes of the
+        model; `step`; others need a default.
         It returns a number and changes nothing.
 
     Raises

@@ -24,6 +24,8 @@ from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.read_only import locked_view, writable_view
 
+# Begins the names of columns of layers.
+OF_LAYERS = "control_"
 # The parameter of a sensor's function that it fills.
 OUT = "out"
 # What functions may take of the surroundings.
@@ -375,13 +377,26 @@ def names_of_parts(model: Any) -> Iterator[str]:
     for part_name, part in model.parts.items():
         if part_name != "robots":
             yield from (f"{part_name}_{name}".replace(".", "_") for name in part.columns())
+    yield from (f"{OF_LAYERS}{name}" for name in columns_of_layers(model))
     for process in model.parts.processes.numbered.values():
         name = getattr(process, "__name__", "")
         yield from (f"{name}_{remembered}" for remembered in getattr(process, "memory", ()) if name)
 
 
+def columns_of_layers(model: Any) -> dict[str, np.ndarray]:
+    """Return the columns of layers that only one layer has, by their names without its."""
+    found: dict[str, list[np.ndarray]] = {}
+    for name, column in model.parts["control"].columns().items():
+        _, is_of_layer, own = name.rpartition(".")
+        if is_of_layer:
+            found.setdefault(own, []).append(column.array)
+    return {name: arrays[0] for name, arrays in found.items() if len(arrays) == 1}
+
+
 def array_of_parts(model: Any, name: str) -> np.ndarray:
     """Return the column of another part, ``boards_read``, or what a process remembers, ``task_stimulus``.
+
+    Of a column that only one layer has its own name is enough, ``control_temperature``.
 
     Raises
     ------
@@ -392,6 +407,8 @@ def array_of_parts(model: Any, name: str) -> np.ndarray:
         for column_name, column in part.columns().items() if name.startswith(f"{part_name}_") else ():
             if f"{part_name}_{column_name}".replace(".", "_") == name:
                 return column.array
+    if name.startswith(OF_LAYERS) and (array := columns_of_layers(model).get(name.removeprefix(OF_LAYERS))) is not None:
+        return array
     for process in model.parts.processes.numbered.values():
         for remembered, array in getattr(process, "memory", {}).items():
             if f"{getattr(process, '__name__', '')}_{remembered}" == name:

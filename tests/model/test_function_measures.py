@@ -10,6 +10,8 @@ import pytest
 from mesa_swarm import AGENT9, Column, Part, SwarmModel, disc, held, measure, process, until
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.learning import TableQLearning
+from mesa_swarm.models.q_learning import QLearning
 
 
 @process(memory={"passed": 0})
@@ -295,3 +297,31 @@ def lettered(position, letter="a"):
 def test_what_is_no_function_of_arrays_and_numbers_is_refused(wrong):
     with pytest.raises((InvalidValueError, BehaviourError)):
         measure(wrong)
+
+
+def test_a_column_that_only_one_layer_has_is_named_without_the_layer():
+    class Cooling(QLearning):
+        @measure
+        @staticmethod
+        def coolest(control_temperature):
+            return control_temperature.min()
+
+        @measure
+        @staticmethod
+        def fewest(control_TableQLearning_lessons):  # noqa: N803 - the name of a class
+            return control_TableQLearning_lessons.min()
+
+        @measure
+        @staticmethod
+        def unclear(control_values):
+            return control_values.min()
+
+    for memory in ("networks", "table"):
+        model = Cooling(n_robots=4, memory=memory, beta=0.01, rng=1).run(30)
+        assert model.coolest == model.learner.temperature.min() < 1
+        assert model.temperature == pytest.approx(model.learner.temperature.mean())
+        assert model.reward == pytest.approx(model.learner.last_reward.mean())
+    assert model.fewest == model.swarm.columns["0.TableQLearning.lessons"].min() > 0
+    model.control = {AGENT9: Subsumption(TableQLearning(), TableQLearning(gamma=0.5))}
+    with pytest.raises(UnknownNameError, match=r"unknown parameter of measure .*unclear 'control_values'"):
+        model.unclear  # noqa: B018 - it is read
