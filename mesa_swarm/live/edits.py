@@ -198,7 +198,7 @@ class DiscsInHand:
                 edges=statics.edges,
                 discs=statics.discs,
                 sight=float(designs.reach.max(initial=0.0)),
-                touch=max((design.radius for design in designs.designs), default=1.0),
+                touch=float(max((design.radius for design in designs.designs), default=1.0)),
                 sight_cells=statics.sight_cells,
                 touch_cells=statics.touch_cells,
                 seen=items.copy(),

@@ -6,7 +6,6 @@ moves farther than `LONGEST_STEP` of the least radius of a robot: bodies that cl
 """
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -197,10 +196,9 @@ class Moving:
         """Store the poses at which the bodies begin a step."""
         self.start[:], self.start_heading[:] = self.bodies.position, self.bodies.heading
 
-    def return_to_start(self, blocked: Callable[[], np.ndarray]) -> None:
-        """Put all bodies where they begin the step; those that are then `blocked` stay there."""
-        if return_to_start(self.block, self._statics.edges, self._statics.discs):
-            self.bodies.blocked[self.rows] = blocked()
+    def return_to_start(self) -> bool:
+        """Put all bodies where they begin the step, none of them blocked, and return whether any is to move."""
+        return bool(return_to_start(self.block, self._statics.edges, self._statics.discs))
 
     def go_freely(self) -> None:
         """Put all bodies that are not blocked where they were asked to be, in a world without robots."""

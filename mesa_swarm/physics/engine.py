@@ -1,7 +1,7 @@
 """The compiled engine: what sensing and moving do to the swarm's columns."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import Any, cast
@@ -22,6 +22,7 @@ from mesa_swarm.physics.loads import (
     push_all,
     push_loads_of_robots,
     return_loads,
+    take_back_loads,
 )
 from mesa_swarm.physics.placing import settle_robots
 from mesa_swarm.physics.sector_tables import clearance_of, tables_of_sectors
@@ -29,8 +30,6 @@ from mesa_swarm.physics.sensing import ChunkArrays, EyeArrays
 from mesa_swarm.physics.sensor_noise import NO_NOISE, SensorNoise
 from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.stage_kernels import (
-    BLOCK,
-    LIST,
     ONLY,
     REWIND,
     SETTLE,
@@ -56,6 +55,7 @@ from mesa_swarm.physics.stage_kernels import (
     set_out,
     settle_first,
 )
+from mesa_swarm.physics.stopping import StopBodiesArrays, stop_at_loads, stop_bodies
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import RowCrew
 from mesa_swarm.physics.travel import Blocks, RobotArrays, calls_of_travel, travel
@@ -74,8 +74,9 @@ Rows = list[tuple[Drive, Any]]
 # Of worlds without and with driven bodies: what senses alone and by threads, and what threads share.
 SENSING = sense_alone, sense_together, sense_rows
 SENSING_BESIDE_MOVERS = sense_alone_beside_movers, sense_together, sense_rows_beside_movers
-# Of a block that there is not.
+# Of a block, and of a call, that there is not.
 NO_NUMBERS = np.empty(0, np.int64)
+NO_CALL = KernelCall(0, NO_NUMBERS)
 
 
 class Engine(ABC):
@@ -339,7 +340,7 @@ class CompiledEngine(Engine):
             holds=table.slow,
             old_distance=np.empty(old_shape),
             old_kind=np.empty(old_shape, np.int8),
-            noted=np.zeros(1, np.bool_),
+            noted=np.zeros(1, np.int64),
         )
         heat = table.radiation, self._heat.numbers, columns["radiation"]
         devices = DeviceArrays(*heat, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
@@ -382,16 +383,9 @@ class CompiledEngine(Engine):
     def _make_moving(
         self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, stream: Generator | None
     ) -> Kernel:
-        n, crowd, movers, room = len(swarm), self._crowd, self._blocks.movers, surroundings.room
-        no_call, progress = KernelCall(0, NO_NUMBERS), np.zeros(3, np.int64)
-        wheels = Block(wheels_of_swarm(swarm, driven, stream))
-        loads, calls, blocks = None, LoadCalls(False, no_call, no_call), [wheels]  # type: tuple[Any, Any, list[Any]]
-        if room is not None:
-            loads = LoadArrays.of(surroundings, room, swarm.columns, self._motion)
-            block = Block(loads)
-            push, note_stuck = (code_address(function) for function in (push_loads_of_robots, note_stuck_loads))
-            calls = LoadCalls(True, KernelCall(push, block.numbers), KernelCall(note_stuck, block.numbers))
-            blocks.append(block)
+        n, crowd, movers = len(swarm), self._crowd, self._blocks.movers
+        progress, wheels = np.zeros(3, np.int64), Block(wheels_of_swarm(swarm, driven, stream))
+        calls, blocks = self._calls_of_loads(swarm, surroundings)
         arrays = MoveArrays(
             turn_angle=self._turn_angle,
             margin=self._margin,
@@ -400,8 +394,8 @@ class CompiledEngine(Engine):
             start=np.zeros((n, 2)),
             start_heading=np.zeros(n),
             wheels=wheels.numbers,
-            set_out=no_call,
-            arrive=no_call,
+            set_out=NO_CALL,
+            arrive=NO_CALL,
             loads=calls,
             robots=self._robots.numbers,
             crowd=crowd.block,
@@ -416,23 +410,30 @@ class CompiledEngine(Engine):
             self.crew.call_of(kernel, block.numbers) for kernel in (set_out, arrive)
         )
         block.replace(arrays._replace(set_out=set_out_call, arrive=arrive_call))
-        blocks += [kept, kept_too]
         function = move_robots if movers is None else move_robots_and_movers
-        attend = partial(self._attend_moving, swarm, surroundings, loads)
-        return Kernel(function, block.numbers, (block, blocks), attend)
+        attend = partial(self._attend_moving, swarm, surroundings)
+        return Kernel(function, block.numbers, (block, wheels, blocks, kept, kept_too), attend)
 
-    def _attend_moving(self, swarm: Swarm, surroundings: Surroundings, loads: LoadArrays | None, code: int) -> None:
+    def _calls_of_loads(self, swarm: Swarm, surroundings: Surroundings) -> tuple[LoadCalls, tuple[Block | None, ...]]:
+        """Return what moves loads and lets them stop driven bodies, and the blocks to which that refers."""
+        room = surroundings.room
+        if room is None:
+            return LoadCalls(False, NO_CALL, NO_CALL, NO_CALL, NO_CALL), ()
+        loads, stop, stop_call = Block(LoadArrays.of(surroundings, room, swarm.columns, self._motion)), None, NO_CALL
+        if surroundings.moving is not None:
+            stop = Block(StopBodiesArrays.of(surroundings, room))
+            stop_call = KernelCall(code_address(stop_bodies), stop.numbers)
+        kernels = push_loads_of_robots, note_stuck_loads, take_back_loads
+        push, note_stuck, take_back = (KernelCall(code_address(kernel), loads.numbers) for kernel in kernels)
+        return LoadCalls(True, push, note_stuck, take_back, stop_call), (loads, stop)
+
+    def _attend_moving(self, swarm: Swarm, surroundings: Surroundings, code: int) -> None:
         """Do what `move_robots` cannot."""
         if code == SETTLE:
             self.settle(swarm, surroundings)
             swarm.disturbed = False
-        elif code == LIST:
+        else:
             self._crowd.list_pairs(self._margin)
-        elif code == BLOCK:
-            surroundings.bodies.blocked[surroundings.driven] = surroundings.blocked_by_loads()
-        elif loads is not None:
-            stuck = np.flatnonzero(loads.stuck).tolist()
-            return_loads(surroundings, loads.room, loads.poses_before(), stuck)
 
 
 def wheels_of_swarm(swarm: Swarm, driven: np.ndarray, stream: Generator | None) -> WheelArrays:
@@ -467,10 +468,10 @@ def _fields(kernel: Kernel | None, due: Mapping[str, bool], compiled: str) -> di
     return {"python": python, "compiled": compiled} if python else {"kernel": kernel}
 
 
-def begin_way(surroundings: Surroundings) -> None:
+def begin_way(surroundings: Surroundings, stop: Callable[[Surroundings], None] = stop_at_loads) -> None:
     """Put driven bodies where they begin this step, and stop those that have a load in their way."""
-    if surroundings.moving is not None:
-        surroundings.moving.return_to_start(surroundings.blocked_by_loads)
+    if surroundings.moving is not None and surroundings.moving.return_to_start():
+        stop(surroundings)
 
 
 def drives_by_rows(swarm: Swarm) -> Rows:

@@ -146,6 +146,26 @@ def note_stuck_loads(block, step, first, last):
     return count
 
 
+@compiled(nogil=True)
+def take_back_loads(block, step, first, last):
+    """Return the loads that are noted as stuck to where they were, and those that then overlap them."""
+    a = unpack(block, LoadArrays)
+    poses, old, stuck, moved, is_any_stuck = a.poses, a.old, a.stuck, a.moved, True
+    while is_any_stuck:
+        for k in range(stuck.shape[0]):
+            if stuck[k]:
+                row = poses.loads[k]
+                poses.position[row, 0], poses.position[row, 1], poses.heading[row] = old[k, 0], old[k, 1], old[k, 2]
+                moved[row] = False
+        place_outlines(poses, a.room)
+        is_any_stuck = False
+        for k in range(stuck.shape[0]):
+            stuck[k] = moved[poses.loads[k]] and not has_room_here(k, poses, a.room)
+            is_any_stuck |= stuck[k]
+    place_items(poses.position, poses.heading, a.items, a.edges, a.discs)
+    return 0
+
+
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return the old poses of those that moved."""
     arrays = LoadArrays.of(surroundings, room, columns, motion)

@@ -11,7 +11,7 @@ nearest point of an outline always shows the way out.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import shapely
@@ -21,7 +21,7 @@ from shapely.geometry.polygon import orient
 
 from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
-from mesa_swarm.kernels.elementary import atan2, cos, direction_of, directions_of, vector_lengths
+from mesa_swarm.kernels.elementary import atan2, cos, direction_of, directions_of, hypot, vector_lengths
 from mesa_swarm.physics.arcs import advance_robots, count_pieces
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
 from mesa_swarm.physics.driven_bodies import LONGEST_STEP, MOST_PIECES
@@ -30,10 +30,12 @@ from mesa_swarm.physics.placing import RING, SWEEPS, no_room_error
 from mesa_swarm.physics.sensing import add_errors, hold_readings
 from mesa_swarm.physics.sensor_noise import SensorNoise
 from mesa_swarm.physics.separation import MOST_SWEEPS
+from mesa_swarm.physics.stopping import LOOK, MOST_LOOKS
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.travel import turn_along_faces
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.statics import BORDER, CARRIED, NOTHING, OBSTACLE, ROBOT
 
 # Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
@@ -259,6 +261,28 @@ class Touches:
             self.normal[i], self.depth[i] = touch.normal, touch.depth
         if touch.flat and touch.depth > self.face[i, 2]:
             self.face[i] = *touch.normal, touch.depth
+
+
+def stop_at_loads_by_shapely(surroundings: Surroundings) -> None:
+    """Write which driven bodies a load stops: it is where the body is to go, or on the way."""
+    table, rows = surroundings.bodies, surroundings.driven
+    for row, is_sent in zip(rows.tolist(), table.are_to_move(rows).tolist(), strict=True):
+        loads = surroundings.loads.tolist() if is_sent else []
+        table.blocked[row] = any(is_in_the_way(load, row, table) for load in loads)
+
+
+def is_in_the_way(load: int, row: int, table: BodyTable) -> bool:
+    """Return whether a load overlaps a driven body at a place of its way, of those at which it is looked for."""
+    form, other, pose = cast(Form, table.forms[row]), cast(Form, table.forms[load]), table.pose_of(load)
+    start = np.array(table.pose_of(row))
+    way = np.append(table.aim[row], table.aim_heading[row]) - start
+    way[2] = wrap_angle(way[2])
+    length = hypot(way[0], way[1])
+    if hypot(start[0] - pose[0], start[1] - pose[1]) > form.reach + other.reach + length:
+        return False
+    count = math.ceil((length + form.reach * abs(way[2])) / (LOOK * min(form.thickness, other.thickness)))
+    shares = np.arange(1, min(count, MOST_LOOKS) + 1) / min(count, MOST_LOOKS)
+    return any(other.overlaps(pose, form.shape_at(tuple((start + share * way).tolist()))) for share in shares)
 
 
 class Travelling:
@@ -567,23 +591,26 @@ class ShapelyEngine(Engine):
     def __init__(self) -> None:
         super().__init__()
         self._solid: tuple[Surroundings, Solids] | None = None
+        self._noted: tuple[Any, ...] = (None, None)
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
         """Write the columns distance, kind, radiation and line."""
         columns, table, design = swarm.columns, swarm.table, swarm.columns["design"]
         distance, kind = columns["distance"], columns["kind"]
-        old = distance.copy(), kind.copy()
+        state = step, swarm.version, surroundings
+        if self._noted[0] != state:  # of a step that is sensed again the readings before it are the same
+            self._noted = state, (distance.copy(), kind.copy())
         sense_proximity_by_shapely(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
         if noise is not None and len(swarm):
             draws = noise.draw(step, distance.shape)
             add_errors(distance, design, table.proximity, table.noise, draws, step, columns["error"])
-        hold_readings(step, design, table.noise, *old, distance, kind)
+        hold_readings(step, design, table.noise, *self._noted[1], distance, kind)
         sense_radiation_by_shapely(swarm, surroundings, columns["radiation"])
         sense_line_by_shapely(swarm, surroundings, columns["line"])
 
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
         """Write position, heading and the contact columns."""
-        begin_way(surroundings)
+        begin_way(surroundings, stop_at_loads_by_shapely)
         bodies = Travelling(surroundings, lambda: self._solids_of(swarm, surroundings), swarm.radius)
         extra_turn = travel_by_shapely(swarm.columns, motion, turn_angle, bodies)
         if surroundings.moving is not None:

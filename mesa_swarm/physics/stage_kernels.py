@@ -51,8 +51,8 @@ from mesa_swarm.physics.travel import RobotArrays, get_apart, travel_pieces
 from mesa_swarm.robots.drive import accelerate, drive_to_motion, lose_motion, motion_to_drive, slip_wheels
 
 # Codes that kernels return: Python lists pairs in a longer array; it moves robots that overlap to free room; it
-# returns to before the draws of this step; it finds which driven bodies loads stop; it returns loads.
-DONE, LIST, SETTLE, REWIND, BLOCK, RETURN = range(6)
+# returns to before the draws of this step.
+DONE, LIST, SETTLE, REWIND = range(4)
 # Places in arrays: of one number, of the progress of a step, of counts of collisions and of steps of robots.
 ONLY, NEXT, PIECE, PIECES, IN_STEP, IN_ALL, ROBOT_STEPS = 0, 0, 1, 2, 0, 1, 2
 # What is next of a step.
@@ -109,7 +109,7 @@ class ErrorArrays(NamedTuple):
     """What errs, and what is refreshed less often than every step.
 
     The table of errors; whether there are any, their draws, and the column error; whether any reading is held, the
-    readings before this step, and whether they are noted, while the kernel is interrupted.
+    readings before a step, and which step that is: of one that is sensed again they are the same.
     """
 
     table: RealTables
@@ -119,7 +119,7 @@ class ErrorArrays(NamedTuple):
     holds: bool
     old_distance: RealRows
     old_kind: CodeRows
-    noted: Flags
+    noted: Integers
 
 
 class DeviceArrays(NamedTuple):
@@ -190,11 +190,16 @@ class WheelArrays(NamedTuple):
 
 
 class LoadCalls(NamedTuple):
-    """Whether there are loads, and the kernels that move them and find those that robots overlap then."""
+    """Whether there are loads, and what moves them, finds those that robots overlap then, and returns these.
+
+    And what stops driven bodies that have a load in their way, where there are any.
+    """
 
     present: bool
     push: KernelCall
     note_stuck: KernelCall
+    take_back: KernelCall
+    stop: KernelCall
 
 
 class MoveArrays(NamedTuple):
@@ -243,7 +248,7 @@ def _sense(block, movers, step, n):
     s = unpack(block, SenseArrays)
     p = unpack(s.proximity, ProximityArrays)
     if p.distance.shape[1] > 0:
-        note_readings(s.errors, p.distance, p.kind)
+        note_readings(s.errors, p.distance, p.kind, step)
         if movers is not None:
             list_seen(movers, p.edges, unpack(p.eyes, EyeArrays).discs)
         if call_at(p.calls.sense, s.proximity, FIRST, FIRST, n) != DONE:
@@ -325,15 +330,18 @@ def _sense_rows(block, movers, first, last):
 
 
 @compiled
-def note_readings(block, distance, kind):
-    """Note the readings before this step, where some are held, unless that was done before an interruption."""
+def note_readings(block, distance, kind, step):
+    """Note the readings before this step, where some are held, unless that was done when it was sensed before.
+
+    Imperfections disturb what is held as well: noted anew, it would be disturbed twice.
+    """
     errors = unpack(block, ErrorArrays)
-    if errors.holds and not errors.noted[ONLY]:
+    if errors.holds and errors.noted[ONLY] != step:
         old_distance, old_kind = errors.old_distance, errors.old_kind
         for i in range(distance.shape[0]):
             for s in range(distance.shape[1]):
                 old_distance[i, s], old_kind[i, s] = distance[i, s], kind[i, s]
-    errors.noted[ONLY] = True
+    errors.noted[ONLY] = step
 
 
 @compiled(apart=True)
@@ -346,7 +354,6 @@ def _finish(block, step):
         add_errors(p.distance, p.design, p.sensors, errors.table, errors.noise.draws, moment, errors.error)
     if errors.holds:
         hold_readings(moment, p.design, errors.table, errors.old_distance, errors.old_kind, p.distance, p.kind)
-    errors.noted[ONLY] = False
     if d.radiation.shape[1] > 0:
         sense_radiation(p.position, p.heading, p.design, d.radiation_sensors, d.radiating, d.radiation)
     if d.line.shape[1] > 0:
@@ -412,21 +419,21 @@ def _begin_move(block, n):
 def _go(block, movers, n):
     """Let all travel; robots that could not give way to a load go back, to travel once more when it has returned."""
     m = unpack(block, MoveArrays)
-    progress = m.progress
-    if progress[NEXT] == SET_OUT:
-        progress[NEXT], progress[PIECE] = TRAVEL, 0
-        if movers is not None:
-            statics = unpack(m.statics, StaticArrays)
-            if return_to_start(movers, statics.edges, statics.discs) and m.loads.present:
-                return BLOCK
-    if not _travel(block, movers):
-        return LIST
-    if m.loads.present and call_at(m.loads.note_stuck.address, m.loads.note_stuck.block, FIRST, FIRST, n) > 0:
-        r = unpack(m.robots, RobotArrays)
+    progress, loads, r = m.progress, m.loads, unpack(m.robots, RobotArrays)
+    while True:
+        if progress[NEXT] == SET_OUT:
+            progress[NEXT], progress[PIECE] = TRAVEL, 0
+            if movers is not None:
+                statics = unpack(m.statics, StaticArrays)
+                if return_to_start(movers, statics.edges, statics.discs) and loads.present:
+                    call_at(loads.stop.address, loads.stop.block, FIRST, FIRST, n)
+        if not _travel(block, movers):
+            return LIST
+        if not loads.present or call_at(loads.note_stuck.address, loads.note_stuck.block, FIRST, FIRST, n) == 0:
+            return DONE
         _copy_poses(m.start, m.start_heading, r.position, r.heading)
+        call_at(loads.take_back.address, loads.take_back.block, FIRST, FIRST, n)
         progress[NEXT] = SET_OUT
-        return RETURN
-    return DONE
 
 
 @compiled

@@ -7,7 +7,6 @@ from typing import cast
 import numpy as np
 
 from mesa_swarm.geometry import Bounds
-from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.elementary import hypot
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.driven_bodies import Moving, MovingItems, have_strayed, place_items
@@ -20,10 +19,6 @@ from mesa_swarm.world.statics import CARRIED, DRIVEN, PUSHED, Marks, Statics, ed
 # Loads may move this far before they are listed anew, in radii of the largest robot; and this far in one step.
 SLACK = 4.0
 STEP = 0.5
-# Ways of driven bodies are searched for loads at places this share of the thinner body's thickness apart, at no more
-# than this number of places.
-LOOK = 0.5
-MOST_LOOKS = 64
 # The radius of spare discs, at most, in shorter sides of the map.
 LARGEST_SPARE = 0.125
 
@@ -34,8 +29,8 @@ class Surroundings:
 
     `rows` are those of its shapes in the table of `bodies`, the last `apart` of them numbered apart (see `Statics`);
     `loads` and `driven` those of the bodies that robots push, and that `moving` moves. `reference` (m, 3) has the poses
-    of the loads when the tables were made; they may move by `slack` from there. `items` is what `place_items` takes,
-    and `room` what loads may not overlap: None without loads.
+    of the loads when the tables were made; they may move by `slack` from there, which is infinite where tables reach
+    everywhere. `items` is what `place_items` takes, and `room` what loads may not overlap: None without loads.
     """
 
     bounds: Bounds
@@ -70,9 +65,9 @@ class Surroundings:
     ) -> "Surroundings":
         """Collect the bodies with these rows; `sight`, `touch` and `apart` as `Statics.of` takes them.
 
-        With `roams` loads may go anywhere before tables have to be made anew, which makes these longer, and there is
-        room for so many `spare` discs, in a world in which no body moves. `room` is that of the same bodies as before,
-        if there is one: of many loads it takes milliseconds to make.
+        With `roams` loads may go anywhere without tables being made anew, which makes these longer, and there is room
+        for so many `spare` discs, in a world in which no body moves. `room` is that of the same bodies as before, if
+        there is one: of many loads it takes milliseconds to make.
         """
         of_shapes = bodies.mode[rows]
         pushed, sent = (np.flatnonzero(np.isin(of_shapes, modes)) for modes in ((PUSHED,), (DRIVEN, CARRIED)))
@@ -97,7 +92,8 @@ class Surroundings:
             driven=driven,
             poses=Poses(bodies.position, bodies.heading, bodies.mode, loads, driven),
             reference=np.column_stack([bodies.position[loads], bodies.heading[loads]]),
-            slack=slack - STEP * touch,
+            # No point of the map is farther away than tables reach, whatever the bound of `have_strayed` is.
+            slack=math.inf if roams else slack - STEP * touch,
             items=list_items_of(statics, bodies, rows, pushed),
             radiating=list_radiating(statics, bodies, rows),
             room=room or (room_of(statics, bodies, pushed, sent, rows) if len(loads) else None),
@@ -124,28 +120,6 @@ class Surroundings:
     def solids(self) -> StaticArrays:
         """The same with driven bodies."""
         return self.still._replace(movers=None if self.moving is None else self.moving.arrays)
-
-    def blocked_by_loads(self) -> np.ndarray:
-        """Return which driven bodies a load stops: it is where the body is to go, or on the way."""
-        blocked = np.zeros(len(self.driven), bool)
-        if len(self.loads):
-            for place in np.flatnonzero(self.bodies.are_to_move(self.driven)).tolist():
-                blocked[place] = any(self._is_in_the_way(load, self.driven[place]) for load in self.loads.tolist())
-        return blocked
-
-    def _is_in_the_way(self, load: int, b: int) -> bool:
-        table = self.bodies
-        start, aim = np.append(table.position[b], table.heading[b]), np.append(table.aim[b], table.aim_heading[b])
-        way, pose = aim - start, table.pose_of(load)
-        way[2] = wrap_angle(way[2])
-        far = table.reach[b] + table.reach[load]
-        length = hypot(way[0], way[1])
-        if hypot(start[0] - pose[0], start[1] - pose[1]) > far + length:
-            return False
-        form, other = cast(Form, table.forms[b]), cast(Form, table.forms[load])
-        count = math.ceil((length + form.reach * abs(way[2])) / (LOOK * min(form.thickness, other.thickness)))
-        shares = np.arange(1, min(count, MOST_LOOKS) + 1) / min(count, MOST_LOOKS)
-        return any(other.overlaps(pose, form.shape_at(tuple((start + share * way).tolist()))) for share in shares)
 
     @property
     def is_worn(self) -> bool:

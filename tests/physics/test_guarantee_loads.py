@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mesa_swarm import Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.physics import engine as physics
+from support.pushing import note_returns
 from support.scenes import PROMISED, ahead, blind, circle, empty, wedge, worst_load_overlap, worst_overlap
 from support.tables import farthest_from
 
@@ -193,9 +193,7 @@ def test_a_load_smaller_than_the_robots_is_pushed_about():
 
 
 def test_the_crowds_above_include_those_where_loads_are_taken_back(monkeypatch):
-    calls = []
-    real = physics.return_loads
-    monkeypatch.setattr(physics, "return_loads", lambda *args: (calls.append(1), real(*args)))
+    taken = note_returns(monkeypatch)
     for seed in range(6):
         check_crowd(seed, 40, 8.0, 3.0, 8, 5)
-    assert calls
+    assert taken

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import polygon
-from mesa_swarm.physics import engine, loads
 from support import shapely_loads
+from support.pushing import note_returns
 from support.random_worlds import hauled, load_state, state
 
 STEPS = 40
@@ -62,11 +62,7 @@ def check(seed):
 
 @pytest.mark.slow
 def test_the_worlds_above_have_loads_that_slide_and_some_that_are_taken_back(monkeypatch):
-    calls = {"take_back": 0}
-    real = loads.return_loads
-    monkeypatch.setattr(
-        engine, "return_loads", lambda *args: (calls.update(take_back=calls["take_back"] + 1), real(*args))
-    )
+    taken = note_returns(monkeypatch)
     for seed in range(8):
         after(hauled(seed), STEPS)
-    assert calls["take_back"]
+    assert taken

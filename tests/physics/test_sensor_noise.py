@@ -8,6 +8,7 @@ import pytest
 
 from mesa_swarm import AGENT9, LineSensor, ProximitySensor, RadiationSensor, RobotDesign, disc, rectangle
 from mesa_swarm.control import Explore, Subsumption
+from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from support.scenes import ahead, empty
 from support.sensing_robots import OBSTACLE, carrying
 
@@ -88,6 +89,25 @@ def test_reading_twice_gives_the_same():
         assert (first[1] == model.swarm.kind).all()
         assert (first[2] == model.swarm.error).all()
         model.step()
+
+
+@pytest.mark.parametrize("engine", ["compiled", "shapely"])
+def test_a_held_reading_that_imperfections_disturb_is_the_same_however_often_it_is_read(engine):
+    """It is what was read before, disturbed once more: noted anew, it would be disturbed for each time it is read."""
+    models = []
+    for times in (1, 3):
+        model = empty(engine=engine)
+        model.add_robots(carrying(ProximitySensor(range=100), ProximitySensor(range=100, period=3)), 6)
+        model.add_obstacle(rectangle((180, 0), (200, 300)))
+        model.imperfections = Imperfections(sensing=Imperfection(error=0.2))
+        model.control = Subsumption(ahead)
+        for _ in range(8):
+            for _ in range(times):
+                model.parts.robots.forget_readings()
+                model.sense()
+            model.step()
+        models.append(model)
+    assert models[0].state_hash() == models[1].state_hash()
 
 
 def test_a_sensor_s_noise_does_not_change_the_walk_of_robots_that_do_not_look():
