@@ -5,6 +5,7 @@ all that a block leads to, in which addresses are those that the arrays have the
 streams of random numbers are four words of their state.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from ctypes import string_at
@@ -149,7 +150,7 @@ class Image:
         self._spans, end = self._place(base)
         for number, state in enumerate(self._drawn):
             self._drawn[state] = end + STREAM_BYTES * number
-        self._begins = np.array([span.begin for span in self._spans])
+        self._begins = [span.begin for span in self._spans]
         self.end = end + STREAM_BYTES * len(self._drawn)
         self.content = self._write()
 
@@ -245,7 +246,7 @@ class Image:
 
     def _moved(self, address: int) -> int:
         """Return where an address is in the image."""
-        place = int(np.searchsorted(self._begins, address, "right")) - 1
+        place = bisect_right(self._begins, address) - 1
         if place < 0 or address >= self._spans[place].end:
             raise KeyError(address)
         return self._spans[place].address + address - self._spans[place].begin
@@ -289,7 +290,7 @@ class Image:
             return
         values = np.unique(array[(array >= LEAST_ADDRESS) & (array < LARGEST_ADDRESS)]).tolist()
         for value in values:
-            place = int(np.searchsorted(self._begins, value, "right")) - 1
+            place = bisect_right(self._begins, value) - 1
             if value in self._addresses or (place >= 0 and value < self._spans[place].end):
                 raise ExportError("an array holds addresses that are not known, so that a page would read elsewhere")
 

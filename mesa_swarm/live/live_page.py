@@ -3,11 +3,11 @@
 import json
 import os
 from base64 import b64encode
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
-from functools import partial
-from itertools import combinations
+from functools import cache, partial
+from itertools import combinations, pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,13 +21,22 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.kernels.compiling import needed_functions
 from mesa_swarm.live.binaries import PREFIX, module_of
 from mesa_swarm.live.image import Functions
-from mesa_swarm.live.settings import Change, Trials, find_change, find_same_change, positions_of, put_change
+from mesa_swarm.live.settings import (
+    Change,
+    Facts,
+    Trials,
+    are_apart,
+    find_change,
+    find_same_changes,
+    pick_numbers,
+    positions_of,
+)
 from mesa_swarm.live.starts import BASE, Start, make_start
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.info import model_info
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.physics.threads import count_processors
-from mesa_swarm.recording.continuing import continued
+from mesa_swarm.recording.continuing import Beginning
 from mesa_swarm.recording.provenance import parameters_of_run
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.scene import scene_of
@@ -120,7 +129,9 @@ class LivePage:
 
     def _trials(self, start: Start, functions: Functions, **changes: Any) -> Trials:
         """Return what tries other values of parameters that act in a run, of a start with some others."""
-        return Trials(start, lambda **others: continued(self.make(rng=self.seed, **changes), **others), functions)
+        make = partial(self.make, rng=self.seed, **changes)
+        beginning = cache(lambda: Beginning(make))  # made with the first trial: where memory is clean
+        return Trials(start, lambda **others: beginning().continued(**others), functions)
 
     def _find_variants(self) -> Iterator[Variant]:
         """Iterate over starts with other values of parameters that act from the beginning of a run."""
@@ -139,23 +150,25 @@ class LivePage:
             model, start = make_start(make, functions)
         except SwarmError:
             return None
+        if functions.places != self.functions.places:
+            return None
         first, trials = self.starts[self.seed][1], self._trials(start, functions, **{name: value})
-        changes = {
-            other: find_same_change(other, known, values, present, first, trials)
-            for other, (_, present, values, known) in self.changes.items()
-        }
-        if functions.places != self.functions.places or None in changes.values():
+        changes = find_same_changes(facts_of_changes(self.changes), first, trials)
+        if changes is None or functions.places != self.functions.places:
             return None
-        if any(list(changes[other].bytes) != list(known.bytes) for other, (*_, known) in self.changes.items()):  # type: ignore[union-attr]
+        if any(list(changes[other].bytes) != list(known.bytes) for other, (*_, known) in self.changes.items()):
             return None
-        return Variant(name, value, model, start, changes)  # type: ignore[arg-type]
+        return Variant(name, value, model, start, changes)
 
     def _list_accepted(self, name: str, values: list[Any], present: Any) -> list[Any]:
-        """Return the values that the model accepts: all, if it accepts some from the least to the largest."""
-        some = values[:: max(1, len(values) // SOME)] + values[-1:]
-        if all(self._is_accepted(name, value) for value in some):
-            return values
-        return [value for value in values if value == present or self._is_accepted(name, value)]
+        """Return the values that the model accepts: those between some, from the least to the largest, as these are.
+
+        Where it accepts one of these and not the next one, the first value from which that is so is looked for.
+        """
+        accepts = cache(lambda place: values[place] == present or self._is_accepted(name, values[place]))
+        stride = 1 if isinstance(present, str) else max(1, len(values) // SOME)
+        some = sorted({*range(0, len(values), stride), *range(len(values))[-1:]})
+        return [values[place] for place in accepted_places(some, accepts)]
 
     def _is_accepted(self, name: str, value: Any) -> bool:
         try:
@@ -267,6 +280,26 @@ def add_variant(content: dict[str, bytes], key: str, seed: int, variant: Variant
     }
 
 
+def accepted_places(some: Sequence[int], accepts: Callable[[int], bool]) -> list[int]:
+    """Return the places that are accepted, of those from the first to the last of some in ascending order.
+
+    Examples
+    --------
+    >>> accepted_places([0, 4, 8], lambda place: place > 2)
+    [3, 4, 5, 6, 7, 8]
+    """
+    found = [place for place in some[:1] if accepts(place)]
+    for first, last in pairwise(some):
+        if accepts(first) == accepts(last):
+            found += range(first + 1, last + 1) if accepts(last) else ()
+        elif last == first + 1:
+            found += [last] if accepts(last) else []
+        else:
+            middle = (first + last) // 2
+            found += [place for place in accepted_places([first, middle, last], accepts) if place > first]
+    return found
+
+
 def values_to_begin_with(parameter: Parameter, present: Any) -> list[Any]:
     """Return some values of a parameter besides the present one: all of a choice, a few whole numbers of a slider.
 
@@ -304,22 +337,26 @@ def _order(value: Any) -> tuple[bool, Any]:
 
 def apart(found: dict[str, tuple[Parameter, Any, list[Any], Change]], trials: Trials) -> dict[str, Any]:
     """Return the parameters that may be changed together: the image is then that of Python."""
+    numbers = pick_numbers(facts_of_changes(found))
+    apart = numbers.keys() if are_apart(numbers, trials) else set()
     ends = {name: next(end for end in values[::-1] if end != value) for name, (_, value, values, _) in found.items()}
     for one, other in list(combinations(found, 2)):
-        if {one, other} <= found.keys() and not are_independent(one, other, ends, found, trials):
+        if not {one, other} <= found.keys() or {one, other} <= apart:
+            continue
+        if not are_independent(one, other, ends, found, trials):
             found.pop(other)
     return found
 
 
+def facts_of_changes(found: Mapping[str, tuple[Parameter, Any, list[Any], Change]]) -> dict[str, Facts]:
+    """Return what is known of each parameter, as trials take it."""
+    return {name: Facts(values, value, change) for name, (_, value, values, change) in found.items()}
+
+
 def are_independent(one: str, other: str, ends: dict[str, Any], found: dict[str, Any], trials: Trials) -> bool:
     """Return whether the changes of two parameters, one after the other, make the image that both make together."""
-    both = trials.content_with({one: ends[one], other: ends[other]}, trials.functions.copy())
-    if both is None or trials.base is None:
-        return False
-    expected = trials.base.copy()
-    for name in (one, other):
-        put_change(expected, found[name][3], ends[name])
-    return np.array_equal(both, expected)
+    changes = {name: found[name][3] for name in (one, other)}
+    return trials.are_explained(changes, {name: ends[name] for name in (one, other)})
 
 
 def compile_first_steps(model: Any) -> None:
@@ -357,7 +394,7 @@ def can_be_made_anew(model: Any) -> bool:
     given = parameters_of_run(model)
     try:
         other = type(model)(**given)
-        return other.run(model.steps).state_hash() == model.state_hash()
+        return other.run(model.steps).state_hash() == deepcopy(model).state_hash()  # its sensors are not to be read
     except Exception:  # of a user's constructor
         return False
 

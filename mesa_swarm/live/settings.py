@@ -7,7 +7,9 @@ where they differ otherwise, by an angle in radians for instance, it has the byt
 
 import struct
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections import ChainMap
+from collections.abc import Callable, Mapping, Sequence
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +41,14 @@ class Change(NamedTuple):
     copies: dict[str, list[int]]
     places: list[int]
     bytes: dict[Any, list[int]]
+
+
+class Facts(NamedTuple):
+    """What is known of a parameter: the values that it may have, the present one, and what others change."""
+
+    values: Sequence[Any]
+    value: Any
+    change: Change
 
 
 def positions_of(parameter: Parameter, present: Any = None) -> list[Any]:
@@ -80,6 +90,7 @@ class Trials:
     def __init__(self, start: Start, make: Callable[..., Any], functions: Functions) -> None:
         self.start, self._make, self.functions = start, make, functions
         self._base: np.ndarray | None = None
+        self._made: dict[tuple[str, tuple], tuple[np.ndarray | None, dict[Any, int]]] = {}
 
     @property
     def base(self) -> np.ndarray | None:
@@ -89,7 +100,29 @@ class Trials:
         return self._base
 
     def content_with(self, changes: dict[str, Any], functions: Functions) -> np.ndarray | None:
-        """Return the bytes of an image, None if it has another form, or the model refuses the values."""
+        """Return the bytes of an image, None if it has another form, or the model refuses the values.
+
+        An image that was made for the same values and functions is not made again.
+        """
+        key = repr(changes), tuple(functions.places)
+        if key not in self._made:
+            content = self._content_of(changes, functions)
+            self._made[key] = content, dict(functions.places)
+        content, places = self._made[key]
+        functions.places.update(places)
+        return content
+
+    def are_explained(self, changes: Mapping[str, Change], values: dict[str, Any]) -> bool:
+        """Return whether changes make of the base what the image is with these values of some parameters."""
+        content = None if self.base is None else self.content_with(values, self.functions.copy())
+        if self.base is None or content is None:
+            return False
+        expected = self.base.copy()
+        for name, value in values.items():
+            put_change(expected, changes[name], value)
+        return np.array_equal(expected, content)
+
+    def _content_of(self, changes: dict[str, Any], functions: Functions) -> np.ndarray | None:
         try:
             found = make_start(lambda: self._make(**changes), functions)[1]
         except SwarmError:
@@ -118,7 +151,8 @@ def find_change(name: str, values: Sequence[Any], value: Any, trials: Trials) ->
     others, base = [other for other in values if other != value], trials.base
     if not others or base is None:
         return None
-    probes = [others[len(others) // 3], others[-1]]
+    # The least as well: there a model may have another function, as at a probability of 0.
+    probes = list(dict.fromkeys([others[0], others[len(others) // 3], others[-1]]))
     contents = [content_for(other) for other in probes]
     if any(content is None for content in contents):
         return None
@@ -143,22 +177,62 @@ def find_same_change(
     Arrays are in the same order in both images. Of numbers as they are two other values are tried, and of stored bytes
     all: in this start another parameter may decide some of them.
     """
-    base, others = trials.base, [one for one in known.bytes or (values[0], values[-1]) if one != value]
-    contents = {other: trials.content_with({name: other}, trials.functions) for other in others}
+    others = _values_to_try(Facts(values, value, known))
+    for other in others:  # a start of which a value needs other functions is left out, whatever explains the others
+        trials.content_with({name: other}, trials.functions)
     for from_end in (False, True):  # texts have numbers of other lengths in front, the shapes of arrays
         moved = _moved(known, first, trials.start, from_end)
-        if moved is None or base is None:
-            continue
-        if all(_explains(moved, base, other, content) for other, content in contents.items()):
+        if moved is not None and all(trials.are_explained({name: moved}, {name: other}) for other in others):
             return moved
     return find_change(name, values, value, trials)
 
 
-def _explains(change: Change, base: np.ndarray, value: Any, content: np.ndarray | None) -> bool:
-    """Return whether a change makes of the base what the image is with a value."""
-    expected = base.copy()
-    put_change(expected, change, value)
-    return content is not None and np.array_equal(expected, content)
+def find_same_changes(known: Mapping[str, Facts], first: Start, trials: Trials) -> dict[str, Change] | None:
+    """Return by name what parameters change in another start, see `find_same_change`; None if one has no change.
+
+    Numbers are tried together, which takes a model for each of the longest list of values instead of one for each value
+    of each: as long as all that differs is explained, at the places of each, they act as they do one by one.
+    """
+    found, moved = dict[str, Change](), _move_together(pick_numbers(known), first, trials)
+    for name, (values, value, change) in known.items():
+        same = moved.get(name) or find_same_change(name, change, values, value, first, trials)
+        if same is None:
+            return None
+        found[name] = same
+    return found
+
+
+def _move_together(known: Mapping[str, Facts], first: Start, trials: Trials) -> dict[str, Change]:
+    """Return the changes at their places in another start; none if these do not explain some image."""
+    tried = [[{name: one} for one in _values_to_try(facts)] for name, facts in known.items()]
+    rows = [dict(ChainMap(*row)) for row in zip_longest(*tried, fillvalue={})]
+    for from_end in (False, True):
+        moved = {name: _moved(facts.change, first, trials.start, from_end) for name, facts in known.items()}
+        if None not in moved.values() and all(trials.are_explained(moved, row) for row in rows):  # type: ignore[arg-type]
+            return moved  # type: ignore[return-value]
+    return {}
+
+
+def _values_to_try(facts: Facts) -> list[Any]:
+    """Return the values other than the present one that are tried in another start: of stored bytes all."""
+    return [one for one in facts.change.bytes or (facts.values[0], facts.values[-1]) if one != facts.value]
+
+
+def pick_numbers(known: Mapping[str, Facts]) -> dict[str, Facts]:
+    """Return the parameters that are numbers: the others, such as names of rules, may decide what these act on."""
+    return {name: facts for name, facts in known.items() if not isinstance(facts.value, (str, bool))}
+
+
+def are_apart(known: Mapping[str, Facts], trials: Trials) -> bool:
+    """Return whether numbers act together as they do one by one: all at their ends, on either side."""
+    changes = {name: facts.change for name, facts in known.items()}
+    ends = ({name: _values_from(facts, step)[0] for name, facts in known.items()} for step in (-1, 1))
+    return all(trials.are_explained(changes, row) for row in ends)
+
+
+def _values_from(facts: Facts, step: int) -> list[Any]:
+    """Return the values that bytes are known of, if there are any, other than the present one."""
+    return [one for one in facts.values[::step] if one != facts.value and one in (facts.change.bytes or (one,))]
 
 
 def _moved(change: Change, first: Start, start: Start, from_end: bool) -> Change | None:

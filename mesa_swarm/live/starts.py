@@ -78,9 +78,12 @@ def begin_learning(model: Any, image: Image, beginnings: list[Kernel]) -> bytes:
 
     What these kernels do, which write arrays and draw, is left as it was: a page calls them.
     """
-    before, learners = np.frombuffer(image.content, np.uint8), list_learners(model)
+    learners = list_learners(model)
+    if not learners:
+        return b""
     for learner in learners:
         learner.begin()
+    before = np.frombuffer(image.content, np.uint8)
     after = np.frombuffer(image.written_anew(), np.uint8).copy()
     for kernel in beginnings:
         for place, length in image.places_of(kernel.kept):

@@ -1,7 +1,7 @@
 """Continuing a run with other parameters, between two steps: a model made with these takes over its state."""
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy, deepcopy
 from dataclasses import fields, is_dataclass
 from hashlib import blake2b
@@ -29,6 +29,7 @@ from mesa_swarm.model.bodies_part import CHANGING
 from mesa_swarm.model.control_part import ControlPart
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters
+from mesa_swarm.model.process_rule import ProcessRule
 from mesa_swarm.model.robots_part import role_of
 from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of, is_float, quick_fingerprint, stored_state
 from mesa_swarm.model.state import KINDS as ARRAY_KINDS
@@ -101,14 +102,58 @@ def continued(model: Continued, /, **changes: object) -> Continued:
     >>> model.steps, model.given[1]["noise"]
     (20, 0.1)
     """
-    parameters = parameters_of_run(model)
-    odd = sorted(set(changes) - parameters.keys())
-    if odd:
-        raise UnknownNameError(unknown_name(f"parameter of {type(model).__name__}", odd[0], parameters))
+    _check_names(model, changes)
     origin = provenance_of(model, rerun=True)
     new, fresh = rebuild_model(origin, type(model), **changes), rebuild_model(origin, type(model))
     continue_with(new, model, fresh, tuple(changes))
     return cast(Continued, new)
+
+
+def _check_names(model: EngineModel, changes: Mapping[str, object]) -> None:
+    parameters = parameters_of_run(model)
+    odd = sorted(set(changes) - parameters.keys())
+    if odd:
+        raise UnknownNameError(unknown_name(f"parameter of {type(model).__name__}", odd[0], parameters))
+
+
+class Beginning:
+    """A model before its first step, which is continued as `continued` does, again and again with other parameters.
+
+    The model itself and the one like it that `continued` makes are kept: each time only the new model is made.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the model, always the same one, without observers.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.boids import Boids
+    >>> beginning = Beginning(lambda: Boids(n_robots=10, rng=1))
+    >>> [beginning.continued(memory=steps).given[1]["memory"] for steps in (5.0, 6.0)]
+    [5.0, 6.0]
+    """
+
+    def __init__(self, make: Callable[[], EngineModel]) -> None:
+        self._make = make
+        self._begin()
+
+    def _begin(self) -> None:
+        self._old = self._make()
+        origin = provenance_of(self._old, rerun=True)
+        self._fresh = rebuild_model(origin, type(self._old))
+        # The map is the same each time, and takes as long to read as all else.
+        self._map = {"map": self._fresh.map} if origin["takes_map"] else {}
+        self._origin, self._hash = {**origin, "takes_map": False}, self._old.state_hash()
+
+    def continued(self, **changes: object) -> EngineModel:
+        """Return a model that continues with other parameters; what it raises is of the same kinds."""
+        if self._old.state_hash() != self._hash:  # a model that continued it has changed something of it
+            self._begin()
+        _check_names(self._old, changes)
+        new = rebuild_model(self._origin, type(self._old), **{**self._map, **changes})
+        continue_with(new, self._old, self._fresh, tuple(changes))
+        return new
 
 
 def continue_with(new: EngineModel, old: EngineModel, fresh: EngineModel, names: tuple[str, ...]) -> None:
@@ -190,9 +235,15 @@ def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bo
     mine, now, first = (model.own_attributes for model in (new, old, fresh))
     both = mine.keys() & now.keys() & first.keys()
     by_hand = changed_settings(old, fresh)
-    return any(key in by_hand for key in changed_settings(new, fresh)) or any(
-        _differ_quickly(mine[name], first[name]) and _differ_quickly(now[name], first[name]) for name in both
-    )
+    hidden = any(_differ_quickly(mine[name], first[name]) and _differ_quickly(now[name], first[name]) for name in both)
+    return hidden or any(key in by_hand for key in changed_settings(new, fresh)) or _is_memory_hidden(new, old, fresh)
+
+
+def _is_memory_hidden(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bool:
+    """Return whether the parameters would change what a process remembers and the run has changed itself."""
+    mine, now, first = (cast(dict[int, Any], model.parts.processes.numbered) for model in (new, old, fresh))
+    rules = [number for number in mine.keys() & now.keys() & first.keys() if isinstance(first[number], ProcessRule)]
+    return any(_changed_arrays(mine[n], first[n]) & _changed_arrays(now[n], first[n]) for n in rules)
 
 
 def _differ_quickly(first: Any, second: Any) -> bool:
@@ -506,7 +557,22 @@ def _take_owner(kind: str, owner: Any, was: Any, first: Any, carrier: "_Carrier"
     if owner is not None and not is_ours and (is_bare or not is_whole):
         _take_attributes(owner, _values_of(was), _values_of(first), carrier)
     if is_whole and type(owner) is type(was):
-        owner.restore(deepcopy(was.checkpoint()))
+        owner.restore(_state_to_take(was, first))
+
+
+def _state_to_take(was: Any, first: Any) -> Any:
+    """Return the state of what stores itself; of a process made of a function the arrays that the run has changed."""
+    state = deepcopy(was.checkpoint())
+    if isinstance(was, ProcessRule) and isinstance(first, ProcessRule):
+        changed = _changed_arrays(was, first)
+        state["memory"] = {name: array for name, array in state["memory"].items() if name in changed}
+    return state
+
+
+def _changed_arrays(process: ProcessRule, first: ProcessRule) -> set[str]:
+    """Return the names of the arrays that a process remembers and another one does not, or with other numbers."""
+    known = first.memory
+    return {name for name, array in process.memory.items() if name not in known or _differ_quickly(array, known[name])}
 
 
 def _values_of(owner: Any) -> dict[str, Any]:

@@ -18,9 +18,10 @@ from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.models.foraging import Foraging
 from mesa_swarm.models.q_learning import QLearning
 from mesa_swarm.recording import Recording, continued
-from mesa_swarm.recording.continuing import continue_with, match_robots
+from mesa_swarm.recording.continuing import Beginning, continue_with, match_robots
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 
 # Parameters that matter only when a model is made.
@@ -28,7 +29,7 @@ OF_BEGINNING = {
     "best_of_n": {"first_share"},
     "collision_avoidance": {"obstacles", "moving_obstacles"},
     "fire_fighting": {"initial_temperature"},
-    "foraging": {"thresholds", "items"},
+    "foraging": {"items"},
     "learning_fires": {"first_temperature"},
     "puck_clustering": {"rows"},
     "q_learning": {"first_temperature"},
@@ -125,6 +126,56 @@ def test_a_change_that_is_taken_back_before_the_next_step_leaves_no_trace(model,
     defaults = {name: parameters_of(model)[name].default for name in there}
     changed = continued(continued(model(rng=5).run(25), **there), **(defaults if back is None else defaults | {}))
     assert changed.run(25).state_hash() == model(rng=5).run(50).state_hash()
+
+
+@pytest.mark.parametrize(
+    ("model", "changes"),
+    [
+        (Boids, [{"memory": 5.0}, {"cohesion_weight": 0.0, "sight": 90.0}, {}, {"memory": 5.0}]),
+        (FireFighting, [{"k1": 0.001}, {"strategy": "A"}, {"k1": 0.001}]),
+        (QLearning, [{"gamma": 0.1}, {"slip": 0.5}, {"gamma": 0.1}]),
+    ],
+    ids=["boids", "fires", "learning"],
+)
+def test_a_beginning_is_continued_again_and_again_as_a_new_model_is(model, changes):
+    beginning = Beginning(lambda: model(n_robots=12, rng=5))
+    found = [beginning.continued(**named).run(20).state_hash() for named in changes]
+    assert found == [continued(model(n_robots=12, rng=5), **named).run(20).state_hash() for named in changes]
+
+
+class MadeBoids(Boids):
+    """Counts how often it is made."""
+
+    made = 0
+
+    def __init__(self, *, memory=10.0, rng=None):
+        super().__init__(n_robots=5, memory=memory, rng=rng)
+        MadeBoids.made += 1
+
+
+def test_a_beginning_makes_one_model_for_each_that_continues_it(monkeypatch):
+    monkeypatch.setattr(MadeBoids, "made", 0)
+    beginning = Beginning(lambda: MadeBoids(rng=1))
+    for memory in (2.0, 3.0, 4.0):
+        beginning.continued(memory=memory)
+    assert MadeBoids.made == 2 + 3
+
+
+def test_a_beginning_that_is_no_longer_what_it_was_is_made_anew():
+    made = []
+    beginning = Beginning(lambda: made.append(Boids(n_robots=5, rng=1)) or made[-1])
+    before = beginning.continued(memory=2.0).state_hash()
+    made[0].swarm.columns["position"][0] += 1.0
+    assert beginning.continued(memory=2.0).state_hash() == before
+    assert len(made) == 2
+
+
+def test_a_beginning_refuses_what_belongs_to_the_beginning_of_a_run_and_unknown_names():
+    beginning = Beginning(lambda: FireFighting(n_robots=5, rng=1))
+    with pytest.raises(InvalidValueError, match="initial_temperature' belongs to the beginning of a run"):
+        beginning.continued(initial_temperature=0.5)
+    with pytest.raises(UnknownNameError, match="noize"):
+        beginning.continued(noize=0.1)
 
 
 def test_a_change_has_an_effect_from_the_next_step_on():
@@ -427,3 +478,35 @@ def test_a_process_of_a_function_that_was_added_by_hand_goes_on_with_its_memory_
     after = model.run(7).continued(distance=20).run(3)
     assert (after.processes[0].steps, after.processes[0].numbers["pace"]) == (10, 2.0)
     assert model.processes[0].steps == 7
+
+
+def use_up(energy, limit):
+    energy[0] -= limit[0]
+
+
+class Storing(SwarmModel):
+    """A model of which a process remembers two numbers that parameters decide, and changes one."""
+
+    def __init__(self, *, full=10.0, limit=1.0, rng=None):
+        super().__init__(rng=rng)
+        self.store = self.add_process(process(memory={"energy": full, "limit": limit})(use_up))
+
+
+def test_what_a_process_remembers_and_a_run_has_not_changed_follows_from_parameters():
+    new = continued(Storing(rng=1).run(3), limit=2.0)
+    assert (new.store.energy, new.store.limit) == (7.0, 2.0)
+    assert new.run(2).store.energy == 3.0
+    ready = continued(Storing(rng=1), full=20.0)
+    assert ready.store.energy == 20.0
+
+
+def test_a_change_of_what_a_process_has_changed_itself_is_refused():
+    with pytest.raises(InvalidValueError, match="'full' belongs to the beginning of a run"):
+        continued(Storing(rng=1).run(3), full=20.0)
+
+
+def test_robots_that_rest_in_a_run_of_foraging_no_longer_do_when_told_so():
+    model = Foraging(n_robots=6, rng=1).run(20)
+    new = continued(model, thresholds="no")
+    assert new.nest.energy == model.nest.energy
+    assert np.array_equal(new.nest.thresholds, Foraging(n_robots=6, thresholds="no", rng=1).nest.thresholds)
