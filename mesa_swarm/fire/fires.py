@@ -407,6 +407,11 @@ class History:
             self._count[ONLY] = 0
 
     @property
+    def room(self) -> tuple[int, np.ndarray]:
+        """How many rows the kernel writes before they are taken, and where it counts them."""
+        return len(self._written[0]), self._count
+
+    @property
     def series(self) -> tuple[list[int], list[np.ndarray]]:
         """The steps and the rows as they are: lists that grow."""
         self._take_rows()

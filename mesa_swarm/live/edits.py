@@ -13,6 +13,8 @@ from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Bytes, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.model.bodies_part import CHANGING, READ
+from mesa_swarm.model.driving import measure_in_place, measures_of_rows
+from mesa_swarm.model.measures import ColumnMeasure, Spec
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.driven_bodies import list_items
 from mesa_swarm.physics.placing import is_free, overlaps_any
@@ -151,15 +153,33 @@ def spare_discs(model: Any) -> int:
     return SPARE_DISCS if is_still else 0
 
 
+# Columns of robots by which functions tell bodies from each other: those that come on a page have no number.
+NUMBERS_OF_BODIES = ("contact_index",)
+
+
 def reads_bodies(model: Any, image: Any) -> bool:
-    """Return whether a compiled function reads columns of bodies: it would not see those that come on a page.
+    """Return whether a compiled function reads columns or numbers of bodies, and would not see those that come.
 
     Fires read the temperatures of bodies, and their own rows.
     """
     own = {"temperature", *(("position", "radius") if len(model.fires) else ())}
     columns = [getattr(model.parts.bodies.table, name) for name in {*CHANGING, *READ} - own]
-    measured = any(name.startswith("bodies.") for name in model.driving.arrays)
-    return measured or image.takes("given_bodies_") or any(map(image.has_whole, columns))
+    taken = any(image.takes(f"given_{name}") for name in ("bodies_", *NUMBERS_OF_BODIES))
+    return taken or any(map(is_of_bodies, columns_measured(model))) or any(map(image.has_whole, columns))
+
+
+def is_of_bodies(column: str) -> bool:
+    """Return whether this is the name of a column of bodies, or of their numbers."""
+    return column.startswith("bodies.") or column in NUMBERS_OF_BODIES
+
+
+def columns_measured(model: Any) -> Iterator[str]:
+    """Iterate over the names of the columns that rows and conditions are of."""
+    declared, _ = measures_of_rows(model)
+    conditions = [measure_in_place(model, condition.of) for condition in type(model).conditions]
+    for measure in (*declared.values(), *conditions):
+        if isinstance(measure, ColumnMeasure) and isinstance(measure.spec, Spec):
+            yield measure.spec.column
 
 
 class DiscsInHand:

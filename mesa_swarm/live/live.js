@@ -220,7 +220,6 @@ export class LiveModel {
   move(row, x, y) {
     const [place, block, length] = this.#start.hand, robots = this.#start.robots;
     if (!(Number.isInteger(row) && row >= 0 && row < robots)) throw new Error(`row is ${row}; expected 0 to ${robots - 1}`);
-    this.#begin();
     this.#view("f8", this.#start.hand_at, 2).set([x, y]);
     const code = this.#called(() => this.#exports.call_kernel(place, block, length, 0, row, row + 1));
     if (code === RAISED) this.#checked(code);
@@ -232,7 +231,6 @@ export class LiveModel {
   burn(place, burns = true) {
     const { lighter, fires } = this.#start, count = fires?.discs.length ?? 0;
     if (!(Number.isInteger(place) && place >= 0 && place < count)) throw new Error(`fire is ${place}; expected 0 to ${count - 1}`);
-    this.#begin();
     const [function_, block, length] = lighter;
     this.#checked(this.#called(() => this.#exports.call_kernel(function_, block, length, this.#completed, place, burns ? 1 : 0)));
     this.#sense();
@@ -247,17 +245,19 @@ export class LiveModel {
   /** How many discs can be added, and how large they may be; null on a page without. */
   get spare() {
     const { discs } = this.#start;
-    return discs ? { left: discs.own.length + discs.spare.length - this.discs.length, largest: discs.largest } : null;
+    if (!discs) return null;
+    const present = new Set(this.discs.map(([row]) => row));
+    return { left: discs.spare.filter((row) => !present.has(row)).length, largest: discs.largest };
   }
 
   /** Put a disc on the map, as `add_obstacle` does in Python, and return its number; -1 where a robot is in the way. */
   addDisc(x, y, radius) {
     const { discs } = this.#withDiscs(), [left, low, right, high] = discs.bounds;
+    if (![x, y, radius].every(Number.isFinite)) throw new Error(`disc is at ${x}, ${y} with radius ${radius}; expected three numbers`);
     if (!(x >= left && x <= right && y >= low && y <= high)) throw new Error(`place is ${x}, ${y}; expected x from ${left} to ${right} and y from ${low} to ${high}`);
     if (!(radius > 0 && radius <= discs.largest)) throw new Error(`radius is ${radius}; expected a number above 0, at most ${discs.largest}`);
-    const present = new Set(this.discs.map(([row]) => row)), row = [...discs.spare, ...discs.own].find((one) => !present.has(one));
-    if (row === undefined) throw new Error(`no more discs: this page has room for ${discs.spare.length} more than the model has; take one away first`);
-    this.#begin();
+    const present = new Set(this.discs.map(([row]) => row)), row = discs.spare.find((one) => !present.has(one));
+    if (row === undefined) throw new Error(`no more discs: this page has room for ${discs.spare.length} besides those of the model; take one of these away first`);
     this.#view("f8", discs.at, 3).set([x, y, radius]);
     if (!this.#putDisc(row, true)) return -1;
     this.#describe((bodies) => bodies.add(Bodies.disc(x, y, radius)));
@@ -269,7 +269,6 @@ export class LiveModel {
     this.#withDiscs();
     const found = this.discs.find(([row]) => row === number);
     if (!found) throw new Error(`disc is ${number}; expected ${this.discs.map(([row]) => row).join(", ") || "none: there is no disc"}`);
-    this.#begin();
     this.#putDisc(number, false);
     this.#describe((bodies) => bodies.remove(Bodies.disc(...found.slice(1))));
   }
@@ -422,10 +421,11 @@ export class LiveModel {
     series.values = series.values.map(keep);
   }
 
-  /** How many steps a call may take: the buffer of events holds those of as many. */
+  /** How many steps a call may take: the buffers of events, and of rows that only Python reads, hold those of as many. */
   get #most() {
-    const { events, robots } = this.#start;
-    return events ? Math.max(1, Math.min(MOST_STEPS, Math.floor(events.most / (robots * events.names.length)))) : MOST_STEPS;
+    const { counts, events, robots } = this.#start, rooms = counts.map(([, most]) => most);
+    if (events) rooms.push(Math.max(1, Math.floor(events.most / (robots * events.names.length))));
+    return Math.min(MOST_STEPS, ...rooms);
   }
 
   /** Take the events that were reported: how many of each name, and the last ones; their buffer begins anew when it is full. */
@@ -447,7 +447,7 @@ export class LiveModel {
 
   /** Take the rows of measures, and empty what only Python reads. */
   #collect() {
-    for (const address of this.#start.counts) this.#view("i8", address, 1)[0] = 0n;
+    for (const [address] of this.#start.counts) this.#view("i8", address, 1)[0] = 0n;
     this.#collectEvents();
     const { rows } = this.#start;
     if (!rows) return;

@@ -9,6 +9,7 @@ const BUDGET = 12;
 const READINGS_EVERY = 100;
 const MOST_POINTS = 4000;
 const MOST_NUMBERS = 4;
+const MOST_LISTED_DISCS = 40;
 // In a frame of another page the world is shown with few buttons, and plays, unless the system requests less motion.
 const EMBEDDED = self !== top || location.hash.includes("embedded");
 const find = (id) => document.getElementById(id);
@@ -146,6 +147,7 @@ class LivePlayer {
   reset(wanted = {}) {
     const before = this.world;
     this.model.reset(wanted);
+    this.stage.tool?.cancel();
     this.#changed = undefined;
     if (this.world !== before) this.stage.world = this.world;
     this.frames = new Frames(this.model, this.world);
@@ -489,7 +491,7 @@ class LivePlayer {
     const { spare, discs } = this.model;
     for (const id of ["blocking", "place"]) find(id).hidden = !spare;
     if (!spare) {
-      this.handle("place", false);
+      if (find("place").getAttribute("aria-pressed") === "true") this.handle("place", false);
       return;
     }
     find("discs-left").textContent = `${spare.left} more can be added`;
@@ -500,11 +502,13 @@ class LivePlayer {
       Object.assign(input, { min: least, max: most });
       if (!input.value) input.value = String(Number(middle[name].toPrecision(3)));
     }
-    find("discs").replaceChildren(...discs.map(([number, x, y, radius]) => {
+    const added = new Set(this.model.start.discs.spare), listed = [...discs].sort(([one], [other]) => added.has(other) - added.has(one));
+    find("discs").replaceChildren(...listed.slice(0, MOST_LISTED_DISCS).map(([number, x, y, radius]) => {
       const text = `${x.toFixed(0)}, ${y.toFixed(0)}; radius ${asText(radius)}`;
-      const button = make("button", { type: "button", "data-disc": String(number), "aria-label": `Take away the disc at ${text}`, click: () => this.removeDisc(number) }, "Remove");
+      const button = make("button", { type: "button", "data-disc": String(number), "aria-label": `Take away the disc at ${text}`, click: () => this.removeListed(number) }, "Remove");
       return make("li", {}, make("span", {}, text), button);
     }));
+    if (listed.length > MOST_LISTED_DISCS) find("discs").append(make("li", {}, `and ${listed.length - MOST_LISTED_DISCS} more: choose Place discs, and click on one`));
   }
 
   /** Add a disc; return its number, -1 where there is no room. */
@@ -517,6 +521,14 @@ class LivePlayer {
   removeDisc(number) {
     this.model.removeDisc(number);
     this.showDiscs();
+  }
+
+  /** Take a disc away by its button; the next one has the focus then. */
+  removeListed(number) {
+    const buttons = [...find("discs").querySelectorAll("button")], place = buttons.findIndex((one) => one.dataset.disc === String(number));
+    this.removeDisc(number);
+    const left = find("discs").querySelectorAll("button");
+    (left[Math.min(place, left.length - 1)] ?? find("disc").querySelector("button")).focus();
   }
 
   /** Add a disc by hand: what is wrong with it is said on the page. */
@@ -667,7 +679,7 @@ class LivePlayer {
   /** What places discs, as large as the pointer is drawn, and takes away one that is clicked. */
   handOfDiscs() {
     let centre = null, radius = 0;
-    const usual = () => Number(find("disc").elements.radius.value);
+    const usual = () => Math.min(Math.max(Number(find("disc").elements.radius.value), 0), this.model.spare.largest);
     return {
       cursor: "crosshair",
       press: ({ x, y }) => {

@@ -1,6 +1,6 @@
 """A model before its first step as a page has it: an image of its arrays, and where in it what is."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from itertools import takewhile
 from threading import RLock
 from typing import Any, NamedTuple
@@ -212,7 +212,7 @@ def _places(
         "digest": [functions.place_of(digest_pieces), find(fingerprint.block.numbers), len(fingerprint.block.numbers)],
         "hash": find(fingerprint.out),
         "columns": dict(_list_columns(model, find)),
-        "counts": [find(array) for array in _list_counts(model) if find(array) is not None],
+        "counts": [[find(count), most] for most, count in _list_counts(model) if find(count) is not None],
     }
     fires = _describe_fires(model, find)
     if fires:
@@ -295,10 +295,10 @@ def _list_moving(model: Any, find: Callable[[np.ndarray], int | None]) -> Iterat
             yield [body.unique_id, find(table.position[row : row + 1]), find(table.heading[row : row + 1])]
 
 
-def _list_counts(model: Any) -> Iterable[np.ndarray]:
-    """Return the counts of buffers that pages empty."""
-    history = getattr(model.parts["fires"].fires, "history", None) if "fires" in model.parts else None
-    return [history._count] if history is not None else []
+def _list_counts(model: Any) -> Iterator[tuple[int, np.ndarray]]:
+    """Iterate over the buffers that pages empty: how many steps fill each, and where it counts them."""
+    if "fires" in model.parts and len(model.fires):
+        yield model.fires.history.room
 
 
 __all__ = ["Start", "list_obstacles", "make_start"]

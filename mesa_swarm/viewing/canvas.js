@@ -503,8 +503,11 @@ export class Stage {
     const context = this.#context;
     context.save();
     this.#toMap(context);
-    this.#tool.draw(context, this.#pixel);
-    context.restore();
+    try {
+      this.#tool.draw(context, this.#pixel);
+    } finally {
+      context.restore();
+    }
   }
 
   /** Draw anew before the next picture of the screen, once, however often this is called. */

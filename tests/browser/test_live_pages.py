@@ -259,3 +259,46 @@ def test_a_disc_where_a_robot_is_is_refused_in_one_line(opened):
     page.locator("#disc button").click()
     assert "a robot is in the way of the disc at" in page.locator("#notes").text_content()
     assert page.evaluate("swarm.discs") == []
+
+
+def test_a_radius_that_is_none_does_not_stop_what_plays(opened):
+    page = opened()
+    page.locator("#disc input[name=radius]").fill("-5")
+    page.locator("#place").click()
+    page.locator("#play").click()
+    page.mouse.move(*place_on_page(page, 560, 420))
+    page.mouse.down()
+    before = page.evaluate("swarm.steps")
+    wait_until(lambda: page.evaluate("swarm.steps") > before + 10)
+    page.mouse.up()
+    assert "radius is 0; expected a number above 0" in page.locator("#notes").text_content()
+
+
+def test_the_focus_goes_to_the_next_disc_when_one_is_taken_away_by_its_button(opened):
+    page = opened()
+    page.evaluate("swarm.addDisc(560, 420, 20), swarm.addDisc(560, 120, 20)")
+    page.locator("#discs button").first.focus()
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.dataset.disc") == page.locator("#discs button").get_attribute(
+        "data-disc"
+    )
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.textContent") == "Add"
+
+
+def test_a_disc_that_is_being_drawn_when_the_run_begins_anew_is_forgotten(opened):
+    page = opened()
+    page.locator("#place").click()
+    page.mouse.move(*place_on_page(page, 560, 420))
+    page.mouse.down()
+    page.keyboard.press("r")
+    page.mouse.up()
+    assert page.evaluate("swarm.discs") == []
+
+
+def test_a_page_without_discs_leaves_the_tool_that_moves_robots_when_it_begins_anew(tmp_path, opened):
+    page = opened(path=Foraging(n_robots=8, rng=2).export(tmp_path / "foraging.html", live=True, seeds=0))
+    page.locator("#hand").click()
+    page.locator("#reset").click()
+    assert page.locator("#hand").get_attribute("aria-pressed") == "true"
+    assert page.locator("#place").is_hidden()

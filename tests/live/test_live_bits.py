@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Map, SwarmModel, disc, process, scatter
+from mesa_swarm import AGENT9, Map, SwarmModel, count, disc, mean, measure, process, scatter
 from mesa_swarm.control import (
     PASS,
     Avoid,
@@ -432,7 +432,7 @@ def test_a_disc_where_a_robot_is_or_beyond_what_a_page_has_room_for_is_refused_a
     const met = [model.addDisc(x + 10, y, 6), model.addDisc(x, y, 1)], wrong = [
       complain(() => model.addDisc(900, 100, 5)), complain(() => model.addDisc(NaN, 100, 5)),
       complain(() => model.addDisc(300, 100, 75.5)), complain(() => model.addDisc(300, 100, 0)),
-      complain(() => model.removeDisc(2)),
+      complain(() => model.removeDisc(2)), complain(() => model.addDisc("300", 100, 5)),
     ];
     const same = model.hash() === before;
     const rows = Array.from({ length: 8 }, (_, k) => model.addDisc(300 + 20 * k, 100, 5));
@@ -444,12 +444,13 @@ def test_a_disc_where_a_robot_is_or_beyond_what_a_page_has_room_for_is_refused_a
     assert (met, same, spare, again, left) == ([-1, -1], True, 0, True, 0)
     assert wrong == [
         "place is 900, 100; expected x from 0 to 800 and y from 0 to 600",
-        "place is NaN, 100; expected x from 0 to 800 and y from 0 to 600",
+        "disc is at NaN, 100 with radius 5; expected three numbers",
         "radius is 75.5; expected a number above 0, at most 75",
         "radius is 0; expected a number above 0, at most 75",
         "disc is 2; expected none: there is no disc",
+        "disc is at 300, 100 with radius 5; expected three numbers",
     ]
-    assert full == "no more discs: this page has room for 8 more than the model has; take one away first"
+    assert full == "no more discs: this page has room for 8 besides those of the model; take one of these away first"
 
 
 def test_discs_that_come_and_go_on_the_page_are_as_obstacles_in_python(tmp_path):
@@ -477,3 +478,83 @@ def test_a_page_of_learners_draws_their_weights_itself_and_has_twenty_seeds_with
     about = json.loads(re.search(r'id="about">(.*?)</script>', text)[1])
     assert {start["seed"] for start in about["starts"]} == set(range(1, 21))
     assert len(text) <= 400_000
+
+
+@pytest.mark.slow
+def test_discs_of_the_model_that_are_taken_away_leave_as_much_room_as_before_and_large_ones_fit(tmp_path):
+    model_class, page = page_of("collision_avoidance")
+    model = model_class(rng=1)
+    for body in [body for body in model.obstacles if body.shape.is_disc and body.contact]:
+        body.remove()
+    places = [(x, y) for x in (150.0, 300.0, 500.0, 650.0) for y in (150.0, 450.0)]
+    body = f"""
+    for (const [row] of model.discs) model.removeDisc(row);
+    const left = model.spare.left, added = [];
+    for (const [x, y] of {[list(place) for place in places]}) {{
+      if (model.addDisc(x, y, model.spare.largest) >= 0) added.push([x, y]);
+    }}
+    const before = model.hash();
+    model.step(300);
+    return [left, added, model.spare.largest, before, model.hash()];
+    """
+    left, added, largest, *hashes = ask_node(page, body, tmp_path)
+    for place in added:
+        model.add_obstacle(disc(tuple(place), largest))
+    assert (left, len(added) > 2) == (8, True)
+    assert hashes == [model.state_hash(), model.run(300).state_hash()]
+
+
+class OfContacts(SwarmModel):
+    """Robots of which something asks for numbers of what they met."""
+
+    def __init__(self, rng=None, **named):
+        super().__init__(map="sparse", rng=rng, **named)
+        self.add_robots(AGENT9, 3)
+        self.control = Subsumption(Avoid(), Explore())
+
+
+def test_discs_are_refused_where_functions_or_measures_take_the_numbers_of_bodies():
+    @process(memory={"sum": 0.0})
+    def add_up(contact_index, sum):
+        sum[0] += contact_index[0]
+
+    @measure
+    def first_met(contact_index):
+        return contact_index[0]
+
+    def has_discs(model):
+        return "discs" in LivePage(model, ()).starts[0][1].places
+
+    asked = OfContacts(rng=0)
+    asked.add_process(add_up)
+    assert has_discs(OfContacts(rng=0))
+    assert not has_discs(asked)
+    for reporter in (first_met, count("contact_index", above=2), mean("bodies.pushers")):
+        assert not has_discs(OfContacts(rng=0, model_reporters={"met": reporter}))
+
+
+def test_so_many_steps_may_be_taken_at_once_as_fill_the_history_of_fires_more_than_once(tmp_path):
+    model_class, page = page_of("fire_fighting")
+    model = continued(model_class(rng=1), history_every=1).run(700)
+    body = 'model.set("history_every", 1); return [model.step(700), model.hash()];'
+    assert ask_node(page, body, tmp_path) == [700, model.state_hash()]
+
+
+@pytest.mark.slow
+def test_an_edit_before_the_first_step_of_learners_is_that_of_python(tmp_path):
+    model_class, page = page_of("q_learning")
+    model = model_class(rng=1)
+    x, y = map(float, model.swarm.position[0])
+    found = [model.state_hash()]
+    model.add_obstacle(disc(free_place(model, 5.0), 5.0))
+    found += [model.state_hash(), model.run(20).state_hash()]
+    place = free_place(model_class(rng=1), 5.0)
+    body = f"""
+    model.addDisc({x}, {y}, 5); model.move(0, {x}, {y});
+    const hashes = [model.hash()];
+    model.addDisc(...{place}, 5);
+    hashes.push(model.hash());
+    model.step(20);
+    return [...hashes, model.hash()];
+    """
+    assert ask_node(page, body, tmp_path) == found
