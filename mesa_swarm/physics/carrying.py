@@ -10,6 +10,7 @@ from mesa_swarm.geometry.overlap import is_in_polygon, wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.elementary import atan2, direction_of, hypot
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Codes, Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.driven_bodies import MoverArrays, follow_bodies
 from mesa_swarm.physics.load_room import Poses, Room, is_within, place_load, place_outlines, room_of
@@ -114,6 +115,15 @@ class Carrying:
     def is_of(self, columns: dict[str, np.ndarray], scene: Surroundings) -> bool:
         """Return whether it is still that of these columns of robots and this scene."""
         return self.state[0] is scene and self.state[1] is columns["position"]
+
+    def gripping(
+        self, setting: np.ndarray, robots: np.ndarray, grips: np.ndarray, reach: float, half_angle: float
+    ) -> Kernel:
+        """Return what grips and puts down for these robots, as the column `setting` has it, see `GripArrays`."""
+        n = len(setting)
+        scratch = np.full(n, -1, np.int64), np.zeros(n, np.bool_)
+        block = Block(GripArrays(self.block.numbers, setting, robots, grips, reach, half_angle, *scratch))
+        return Kernel(grip_all, block.numbers, (block, self))
 
     def release(self, row: int) -> bool:
         """Put down in front of its robot the body in a row, and return whether there is room."""

@@ -6,10 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.sequence import sequence_of
-from mesa_swarm.physics.carrying import GripArrays, grip_all
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.devices import check_kind, check_spelling
 from mesa_swarm.robots.sensors import Sensor
@@ -97,18 +95,13 @@ class Gripper(Actuator):
         bodies, swarm = model.parts.bodies, model.swarm
         carrying, codes = bodies.carrying(), [model.kinds.index(kind) for kind in self.kinds if kind in model.kinds]
         free = np.array([getattr(body, "agent", None) is None for body in bodies.table.agents], np.bool_)
-        arrays = GripArrays(
-            carry=carrying.block.numbers,
+        return carrying.gripping(
             setting=swarm.columns[f"{ACT}{self.name}"],
             robots=np.array(rows),
             grips=np.isin(bodies.table.kind, codes) & free,
             reach=float(self.reach),
             half_angle=float(np.radians(self.field_of_view_degrees) / 2),
-            holds=np.full(len(swarm), -1, np.int64),
-            wants=np.zeros(len(swarm), np.bool_),
         )
-        block = Block(arrays)
-        return Kernel(grip_all, block.numbers, (block, carrying))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -82,10 +82,10 @@ def test_a_page_that_runs_the_model_begins_with_the_settings_of_the_run():
 
 @pytest.mark.slow
 def test_a_model_that_cannot_run_on_a_page_is_refused_beside_the_button():
-    session = Session("foraging", steps=3)
+    session = Session("collision_avoidance", {"moving_obstacles": 2}, steps=3)
     exporting = session.companion(Exporting)
     make(exporting, kind="live")
-    assert exporting.fault.startswith("Foraging cannot run on a page: robots read their sensors")
+    assert exporting.fault.startswith("CollisionAvoidance cannot run on a page: Wander takes place")
     session.close()
 
 
