@@ -64,7 +64,7 @@ MALFORMED = "This request is malformed."
 HTML = b"text/html"
 WIDGETS_SCRIPT = b"requirejs.config({map: {'*': {anywidget: 'nbextensions/anywidget/index'}}});\n        "
 # What Solara's page lacks: its language, a name and liveness of its progress bar, for screen readers, leave to be
-# enlarged, and where the script of our widgets is. Its extension says so too, but may come after the widgets.
+# enlarged, and where the script of our widgets is. Its extension has it too, but may come after the widgets.
 COMPLETED = (
     (re.compile(rb"<html>"), b'<html lang="en">'),
     (re.compile(rb'(?<=<meta name="viewport" content=")[^"]*'), b"width=device-width, initial-scale=1"),

@@ -75,7 +75,7 @@ class Burning:
 class LightArrays(NamedTuple):
     """What `light_all` takes, and `set_fire` of live pages.
 
-    Temperatures that are asked for, NaN for none, and the rows of fires in the table of bodies; the temperature of
+    Temperatures that are requested, NaN for none, and the rows of fires in the table of bodies; the temperature of
     bodies; of fires which are out, since when, and robots at each; the fire of each robot; and what fires are seen as.
     """
 

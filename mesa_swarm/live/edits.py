@@ -153,7 +153,7 @@ def spare_discs(model: Any) -> int:
     return SPARE_DISCS if is_still else 0
 
 
-# Columns of robots by which functions tell bodies from each other: those that come on a page have no number.
+# Columns of robots by which functions distinguish bodies: those that come on a page have no number.
 NUMBERS_OF_BODIES = ("contact_index",)
 
 

@@ -531,7 +531,7 @@ class LivePlayer {
     (left[Math.min(place, left.length - 1)] ?? find("disc").querySelector("button")).focus();
   }
 
-  /** Add a disc by hand: what is wrong with it is said on the page. */
+  /** Add a disc by hand: what is wrong with it is written on the page. */
   tryDisc(x, y, radius) {
     try {
       if (this.addDisc(x, y, radius) < 0) throw new Error(`a robot is in the way of the disc at ${x.toFixed(0)}, ${y.toFixed(0)}; place it elsewhere`);

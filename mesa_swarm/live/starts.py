@@ -262,7 +262,7 @@ def _describe_fires(model: Any, find: Callable[[np.ndarray], int | None]) -> dic
 
 
 def _describe_discs(discs: DiscsInHand, fingerprint: Fingerprint, image: Image, functions: Functions) -> dict[str, Any]:
-    """Return what discs come and go by, and where the piece of the fingerprint is that says what bodies are."""
+    """Return what discs come and go by, and which piece of the fingerprint is of bodies, and where."""
     find: Any = image.address_of
     values: Any = discs.block._values
     return {

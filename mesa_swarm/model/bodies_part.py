@@ -711,7 +711,7 @@ class BodiesPart(Part):
     def let_roam(self, spare: int = 0) -> None:
         """Make the tables of bodies once for all ways that loads can go: for pages, which do not make them anew.
 
-        Where no body moves, they have room for so many `spare` discs.
+        Where no body moves, they have room for `spare` discs more.
         """
         self._roams, self._spare, self.cache.scene = True, spare, None
         self.model.parts.replan()

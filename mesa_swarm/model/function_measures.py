@@ -200,7 +200,7 @@ def measure(function: Callable) -> FunctionMeasure:
     Raises
     ------
     InvalidValueError
-        If it is no function, or a default is not a number.
+        If it is not a function, or a default is not a number.
     UnknownNameError
         When a model without what a parameter names reads it.
 

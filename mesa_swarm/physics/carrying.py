@@ -23,7 +23,7 @@ CLEAR = 1.0 + 1e-6
 # As NumPy has them: Numba would compile functions once more for each literal.
 IS_CARRIED, IS_DRIVEN = np.int8(CARRIED), np.int8(DRIVEN)
 NO_ROBOT = np.int64(-1)
-# What `let_go` returns where a body was sent that cannot be sent, or to what is no place of the map.
+# What `let_go` returns where a body was sent that cannot be sent, or to a place that is not on the map.
 ASTRAY = 1
 # Where no body is driven.
 NO_BLOCK = np.empty(0, np.int64)
@@ -321,7 +321,7 @@ def is_sent(c, row):
 
 @compiled
 def is_any_astray(c):
-    """Return whether a body is sent to what is no place of the map, or is none that can be sent.
+    """Return whether a body is sent to a place that is not on the map, or cannot be sent.
 
     At the end of the phase resolve all bodies were to stay where they are: what differs was written since.
     """

@@ -66,7 +66,7 @@ class Surroundings:
         """Collect the bodies with these rows; `sight`, `touch` and `apart` as `Statics.of` takes them.
 
         With `roams` loads may go anywhere without tables being made anew, which makes these longer, and there is room
-        for so many `spare` discs, in a world in which no body moves. `room` is that of the same bodies as before, if
+        for `spare` discs more, in a world in which no body moves. `room` is that of the same bodies as before, if
         there is one: of many loads it takes milliseconds to make.
         """
         of_shapes = bodies.mode[rows]

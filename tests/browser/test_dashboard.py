@@ -55,8 +55,8 @@ def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor):
 
 
 @pytest.mark.slow
-def test_a_page_comes_whole_although_the_extension_does_not_say_where_the_widgets_script_is(server, chromium):
-    """It says so when it is loaded, which may be after the widgets."""
+def test_a_page_comes_whole_although_its_extension_does_not_know_the_widgets_script(server, chromium):
+    """It configures that when it is loaded, which may be after the widgets."""
     context = chromium.new_context()
     context.route(
         "**/anywidget/extension.js*", lambda route: route.fulfill(body="define({});", content_type="text/javascript")

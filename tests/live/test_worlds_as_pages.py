@@ -122,7 +122,7 @@ def test_each_of_the_worlds_is_equal_or_refused():
 
 
 @pytest.mark.slow
-def test_whoever_asks_for_the_fingerprint_after_every_step_changes_nothing(begun, tmp_path):
+def test_to_read_the_fingerprint_after_every_step_changes_nothing(begun, tmp_path):
     """Held readings that imperfections disturb are disturbed once, as often as they are read."""
     model = begun("imperfect_robots", 0)
     steps = range(101)

@@ -363,7 +363,7 @@ def test_driven_steps_with_loads_that_move_take_no_place_for_a_request(pushed):
     assert sheep is None or sheep.position.tolist() == [319.0, 300.0]
 
 
-def test_a_process_may_say_what_the_agent_of_a_body_does_not():
+def test_a_process_may_send_what_the_agent_of_a_body_leaves_open():
     model = SwarmModel(rng=1)
     turned = model.add_body(disc((300, 100), 5), kind="turned", agent=Walker(model, position=(300, 100)))
     placed_ = model.add_body(disc((300, 200), 5), kind="placed", agent=Walker(model, heading=0.25))

@@ -104,7 +104,7 @@ def door_by(*loads, door=((40, 40), (44, 60))):
         ((0.0, 0.0), 1.2, False),  # it turns beside the load
         ((11.0 - 1e-3, 0.0), math.pi / 2, True),  # and near it
         ((-30.0, 0.0), 0.0, False),
-        ((0.0, 0.0), 2.0 * math.pi, False),  # all the way round: that is none
+        ((0.0, 0.0), 2.0 * math.pi, False),  # all the way round: it stays
     ],
 )
 def test_a_body_is_stopped_by_what_is_on_its_way(stop, way, turn, blocked):

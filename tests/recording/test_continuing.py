@@ -505,7 +505,7 @@ def test_a_change_of_what_a_process_has_changed_itself_is_refused():
         continued(Storing(rng=1).run(3), full=20.0)
 
 
-def test_robots_that_rest_in_a_run_of_foraging_no_longer_do_when_told_so():
+def test_robots_of_foraging_that_rest_no_longer_do_with_the_other_parameter():
     model = Foraging(n_robots=6, rng=1).run(20)
     new = continued(model, thresholds="no")
     assert new.nest.energy == model.nest.energy

@@ -22,7 +22,7 @@ def world(shape=BOX, resistance=0.5, poses=(), design=None, speed=1.0, **options
 def note_returns(patch):
     """Let Python move robots and loads, with the bits of the kernels; return a list with an entry for each return.
 
-    The kernels take loads back that robots cannot give way to, and nobody sees it.
+    The kernels take loads back that robots cannot give way to, without a call that can be counted.
     """
     taken, real = [], engine.return_loads
     patch.setattr(engine.CompiledEngine, "_move_kernel_for", lambda *arguments: None)
