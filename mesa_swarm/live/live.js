@@ -74,6 +74,7 @@ class Bodies {
 
   remove(disc) {
     const place = this.rows.findIndex((row) => !isBefore(row, disc) && !isBefore(disc, row));
+    if (place < 0) throw new Error("the disc is not in the fingerprint; begin anew");
     this.rows.splice(place, 1);
   }
 
