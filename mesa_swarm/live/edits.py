@@ -205,7 +205,7 @@ class DiscsInHand:
 
     def __init__(self, model: Any, described: bytes) -> None:
         columns, scene = model.swarm.columns, model.parts.bodies.scene()
-        statics, designs = scene.statics, model.swarm.table
+        statics = scene.statics
         self._scene, self.place = scene, np.zeros(3)
         self.described = np.zeros(len(described) + SPARE_DISCS * self.MOST_BYTES, np.uint8)
         self.described[: len(described)] = np.frombuffer(described, np.uint8)
@@ -217,8 +217,7 @@ class DiscsInHand:
                 radius=columns["radius"],
                 edges=statics.edges,
                 discs=statics.discs,
-                sight=float(designs.reach.max(initial=0.0)),
-                touch=float(max((design.radius for design in designs.designs), default=1.0)),
+                **model.parts.bodies.reaches(),
                 sight_cells=statics.sight_cells,
                 touch_cells=statics.touch_cells,
                 seen=items.copy(),

@@ -725,8 +725,7 @@ class BodiesPart(Part):
                 self.map.bounds,
                 self.table,
                 np.concatenate([order[~fires], order[fires]]),
-                sight=float(designs.reach.max(initial=0.0)),
-                touch=max((design.radius for design in designs.designs), default=1.0),
+                **self.reaches(),
                 apart=int(fires.sum()),
                 # Where tables are only worn, all bodies are what they were.
                 room=None if scene is None or self.cache.table is not designs else scene.room,
@@ -736,6 +735,12 @@ class BodiesPart(Part):
             self.cache.table = designs
             self.cache.followers = bool(self.followers())
         return cast(Surroundings, self.cache.scene)
+
+    def reaches(self) -> dict[str, float]:
+        """Return how far from its centre any robot sees and can touch what the tables of bodies list, by name."""
+        designs = self.swarm.table
+        touch = max((design.radius for design in designs.designs), default=1.0)
+        return {"sight": float(designs.reach.max(initial=0.0)), "touch": float(touch)}
 
     def _check_fine_enough(self, shape: Shape) -> None:
         if len(self.swarm):

@@ -152,6 +152,9 @@ class Beginning:
             self._begin()
         _check_names(self._old, changes)
         new = rebuild_model(self._origin, type(self._old), **{**self._map, **changes})
+        # Before the first step nothing shows whether a run changes it, in which the change would be refused.
+        if _list_changed_memory(new, self._fresh):
+            raise InvalidValueError(f"{shortened(' and '.join(changes))} changes with what processes begin")
         continue_with(new, self._old, self._fresh, tuple(changes))
         return new
 
@@ -241,9 +244,14 @@ def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bo
 
 def _is_memory_hidden(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bool:
     """Return whether the parameters would change what a process remembers and the run has changed itself."""
-    mine, now, first = (cast(dict[int, Any], model.parts.processes.numbered) for model in (new, old, fresh))
-    rules = [number for number in mine.keys() & now.keys() & first.keys() if isinstance(first[number], ProcessRule)]
-    return any(_changed_arrays(mine[n], first[n]) & _changed_arrays(now[n], first[n]) for n in rules)
+    return bool(_list_changed_memory(new, fresh) & _list_changed_memory(old, fresh))
+
+
+def _list_changed_memory(model: EngineModel, first: EngineModel) -> set[tuple[int, str]]:
+    """Return the arrays of processes of functions that differ from another model's: number and name of each."""
+    mine, others = (cast(dict[int, Any], one.parts.processes.numbered) for one in (model, first))
+    rules = [number for number in mine.keys() & others.keys() if isinstance(others[number], ProcessRule)]
+    return {(number, name) for number in rules for name in _changed_arrays(mine[number], others[number])}
 
 
 def _differ_quickly(first: Any, second: Any) -> bool:

@@ -11,6 +11,7 @@ from mesa_swarm.live.live_page import LivePage, accepted_places
 from mesa_swarm.live.settings import Change, Facts, Trials, are_apart, find_same_changes
 from mesa_swarm.live.starts import BASE
 from mesa_swarm.models.boids import Boids
+from mesa_swarm.models.foraging import Foraging
 
 PRESENT = {"gain": 0.5, "bias": 0.25}
 PLACES = {"gain": 8, "bias": 24}
@@ -111,3 +112,10 @@ def test_few_models_are_made_to_find_which_values_are_accepted(monkeypatch):
     values = [float(value) for value in range(-40, 61)]
     assert page._list_accepted("memory", values, 10.0) == values[41:]
     assert len(asked) < 12
+
+
+@pytest.mark.slow
+def test_what_a_process_begins_with_is_a_beginning_of_the_page_and_not_a_slider_of_the_run():
+    page = LivePage(Foraging(n_robots=3, rng=1), ())
+    assert "thresholds" not in page.changes
+    assert ("thresholds", "no") in {(variant.name, variant.value) for variant in page.variants}

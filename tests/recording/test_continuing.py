@@ -510,3 +510,11 @@ def test_robots_of_foraging_that_rest_no_longer_do_with_the_other_parameter():
     new = continued(model, thresholds="no")
     assert new.nest.energy == model.nest.energy
     assert np.array_equal(new.nest.thresholds, Foraging(n_robots=6, thresholds="no", rng=1).nest.thresholds)
+
+
+def test_a_beginning_refuses_what_processes_begin_with_since_a_run_may_change_it():
+    """A page would write it into a run that has changed it."""
+    beginning = Beginning(lambda: Storing(rng=1))
+    for change in ({"full": 20.0}, {"limit": 2.0}):
+        with pytest.raises(InvalidValueError, match="changes with what processes begin"):
+            beginning.continued(**change)
