@@ -231,6 +231,10 @@ def _of_start(model: EngineModel) -> Iterator[tuple[tuple, bytes]]:
         yield ("field", name, field.values.shape), field.values.tobytes()
     for name, value in model.parts.state.values.items():
         yield ("state", name), quick_fingerprint(value)
+    for part in model.parts.added():
+        for name, column in part.columns().items():
+            if column.role == "state":
+                yield (part.name, name, column.array.shape), column.array.tobytes()
 
 
 def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bool:

@@ -7,7 +7,7 @@ import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Field, Radio, Scale, SwarmModel, disc, process
+from mesa_swarm import AGENT9, Column, Field, Part, Radio, Scale, SwarmModel, disc, process
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, UnstoredStateWarning
 from mesa_swarm.control import Avoid, Chance, Explore, Halt, StateMachine, Subsumption, Transition
 from mesa_swarm.model.gallery import find_model, gallery_names
@@ -518,3 +518,26 @@ def test_a_beginning_refuses_what_processes_begin_with_since_a_run_may_change_it
     for change in ({"full": 20.0}, {"limit": 2.0}):
         with pytest.raises(InvalidValueError, match="changes with what processes begin"):
             beginning.continued(**change)
+
+
+class Tank(Part):
+    """A part that begins with what a parameter decides."""
+
+    name = "tank"
+
+    def __init__(self, level=10.0):
+        self.level = np.full(1, level)
+
+    def columns(self):
+        return {"level": Column(self.level)}
+
+
+class Filled(SwarmModel):
+    def __init__(self, *, level=10.0, rng=None):
+        super().__init__(rng=rng)
+        self.add_part(Tank(level))
+
+
+def test_a_change_of_what_a_part_begins_with_is_refused():
+    with pytest.raises(InvalidValueError, match="'level' belongs to the beginning of a run"):
+        continued(Filled(rng=1).run(3), level=20.0)
