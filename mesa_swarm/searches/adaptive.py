@@ -22,7 +22,7 @@ from mesa_swarm.experiments.experiment import (
     checked_steps,
 )
 from mesa_swarm.experiments.run_tables import RunFiles
-from mesa_swarm.experiments.sweep import TABLE, run_experiment
+from mesa_swarm.experiments.sweep import TABLE, run_experiment, table_of_runs
 from mesa_swarm.experiments.until import checked_condition
 from mesa_swarm.experiments.worker_pool import checked_jobs
 
@@ -160,7 +160,7 @@ class AdaptiveDesign:
 
     def table(self) -> pd.DataFrame:
         """Return the table of all points whose results were returned."""
-        return pd.read_parquet(self._folder / TABLE)
+        return table_of_runs(self._folder / TABLE)
 
 
 def _listed(points: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

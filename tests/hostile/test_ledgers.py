@@ -6,6 +6,7 @@ from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+import pyarrow
 import pytest
 
 from mesa_swarm.base.errors import SwarmError
@@ -115,13 +116,22 @@ def test_a_sweep_goes_on_from_any_ledger_or_refuses_it(tmp_path, whole, tally, a
         tally(f"ledgers: {area}").add(results)
 
 
-def test_a_table_of_very_many_results_takes_time_with_the_size_of_the_ledger_only(tmp_path, whole, tally):
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_table_of_very_many_results_takes_time_and_memory_with_the_size_of_the_ledger_only(
+    tmp_path, whole, tally, threads
+):
+    work = tried(tmp_path, whole)
+
+    def with_threads(content):
+        pyarrow.set_cpu_count(threads)
+        work(content)
+
     lines = whole[0].splitlines(keepends=True)
     entry = json.loads(lines[0].partition(b" ")[2])
     wide = [(n, forged({**entry, "results": {str(k): k for k in range(n)}}) + lines[1]) for n in (5_001, 30_000)]
     for number, content in wide:
         inputs, seconds = [(f"{number} results", content)], 2 + number / 5_000
-        results = attack(tried(tmp_path, whole), inputs, refusals=SwarmError, cpu=seconds, memory=1000)
+        results = attack(with_threads, inputs, refusals=SwarmError, cpu=seconds, memory=1000)
         tally("ledgers: wide").add(results)
 
 
